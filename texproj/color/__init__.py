@@ -1,0 +1,1 @@
+"""Projecting photos onto the surface and blending them."""

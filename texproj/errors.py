@@ -1,0 +1,37 @@
+"""Everything texproj raises on purpose: one sentence that says what, where, and what to do."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class TexprojError(Exception):
+    """Base of all errors that a user can cause; its text is shown as it is, without a traceback."""
+
+
+class UsageError(TexprojError):
+    """A command, option or setting that cannot be used as given."""
+
+
+class InputError(TexprojError):
+    """A file or folder that cannot be used: missing, broken, empty or of the wrong kind."""
+
+
+class RegistrationError(TexprojError):
+    """A photo whose camera could not be found; the text says what to give so that it can be."""
+
+
+class RenderError(TexprojError):
+    """No renderer, or one that failed."""
+
+
+class OutputError(TexprojError):
+    """A result that could not be written; what was there before is intact."""
+
+
+def nearest_name(word: str, known: Iterable[str]) -> str:
+    """Return `` (did you mean 'x'?)`` for the known name closest to `word`, or the list of all."""
+    names = sorted(known)
+    close = get_close_matches(word, names, n=1, cutoff=0.5)
+    if close:
+        return f" (did you mean {close[0]!r}?)"
+    return f" (known: {', '.join(names)})" if names else ""

@@ -1,0 +1,92 @@
+"""Triangle meshes: what is given, and what follows from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Vertices and triangles in the mesh file's own frame and units.
+
+    vertices: (V, 3) float64, finite; faces: (F, 3) int32 into vertices.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int32]
+
+    def __post_init__(self) -> None:
+        vertices = np.ascontiguousarray(self.vertices, np.float64).reshape(-1, 3).view()
+        faces = np.ascontiguousarray(self.faces, np.int32).reshape(-1, 3).view()
+        vertices.flags.writeable = faces.flags.writeable = False
+        object.__setattr__(self, "vertices", vertices)
+        object.__setattr__(self, "faces", faces)
+
+    @property
+    def bounds(self) -> NDArray[np.float64]:
+        """(2, 3) smallest and largest coordinates of the vertices."""
+        return np.stack([self.vertices.min(0), self.vertices.max(0)])
+
+    @property
+    def center(self) -> NDArray[np.float64]:
+        """(3,) middle of the bounding box."""
+        return self.bounds.mean(0)
+
+    @property
+    def diagonal(self) -> float:
+        """Length of the bounding box's diagonal, mesh units."""
+        low, high = self.bounds
+        return float(np.linalg.norm(high - low))
+
+
+@dataclass(frozen=True, eq=False)
+class MeshSource:
+    """A repaired mesh and how the file's vertices map to it.
+
+    mesh: what every method works on.
+    source_vertices: (S, 3) float64, the file's vertices in the file's order, untouched.
+    source_faces: (T, 3) int32 valid faces of the file in its order, into source_vertices.
+    vertex_of_source: (S,) int32, the repaired vertex of each file vertex; -1 where it has none.
+    repairs: what was repaired, by name, with counts; empty for a clean mesh.
+    """
+
+    mesh: Mesh
+    source_vertices: NDArray[np.float64]
+    source_faces: NDArray[np.int32]
+    vertex_of_source: NDArray[np.int32]
+    repairs: dict[str, int]
+
+
+def face_cross(vertices: ArrayLike, faces: ArrayLike) -> NDArray[np.float64]:
+    """(F, 3) normals times twice the area of each face, counter-clockwise outside."""
+    v = np.asarray(vertices, np.float64)
+    f = np.asarray(faces)
+    a = v[f[:, 0]]
+    return np.cross(v[f[:, 1]] - a, v[f[:, 2]] - a)
+
+
+def face_normals(mesh: Mesh) -> NDArray[np.float64]:
+    """(F, 3) unit normals; zero for faces without area."""
+    return _unit(face_cross(mesh.vertices, mesh.faces))
+
+
+def face_areas(mesh: Mesh) -> NDArray[np.float64]:
+    """(F,) areas in squared mesh units."""
+    return 0.5 * np.linalg.norm(face_cross(mesh.vertices, mesh.faces), axis=1)
+
+
+def vertex_normals(mesh: Mesh) -> NDArray[np.float64]:
+    """(V, 3) area-weighted unit normals; zero for vertices without a face."""
+    cross = face_cross(mesh.vertices, mesh.faces)
+    count = len(mesh.vertices)
+    flat = mesh.faces.ravel()
+    sums = [np.bincount(flat, np.repeat(cross[:, k], 3), count) for k in range(3)]
+    return _unit(np.stack(sums, axis=1))
+
+
+def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)

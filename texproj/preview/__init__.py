@@ -1,0 +1,1 @@
+"""The web page on which results are judged and correspondences picked."""

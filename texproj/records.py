@@ -1,0 +1,69 @@
+"""What is known of each photo's camera, and what a registration found: the nouns that travel
+from registration to color.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.camera import Camera, Intrinsics, Pose
+
+Status = Literal["registered", "prior", "failed"]
+Method = Literal["points", "mutual-information", "silhouette", "structure", "features", "import"]
+
+
+@dataclass(frozen=True, eq=False)
+class CameraRecord:
+    """One entry of cameras.json.
+
+    intrinsics and pose may each be None: status "prior" can carry intrinsics alone, "failed"
+    carries no pose. quality: numbers and words for the report; extra: keys of the file that
+    texproj does not know, kept as they are.
+    """
+
+    file: str
+    width: int
+    height: int
+    intrinsics: Intrinsics | None
+    pose: Pose | None
+    status: Status
+    method: Method | None = None
+    quality: dict[str, Any] = field(default_factory=dict)
+    extra: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def camera(self) -> Camera | None:
+        """The full camera, if both halves are known."""
+        if self.intrinsics is None or self.pose is None:
+            return None
+        return Camera(self.intrinsics, self.pose)
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """The outcome of one registration that ended with a camera.
+
+    camera: for the full-size photo; method: how; expected_error_px: one standard deviation of
+    the image position of the surface, full-size pixels, from the fit's covariance;
+    residual_px: (n,) reprojection errors of what was matched, full-size pixels;
+    inliers: (n,) bool; names: (n,) labels of the residuals (picks) or empty;
+    covariance: (p, p) of the solved parameters (rotation rad, translation mesh units, then the
+    intrinsics named in `solved`); accepted: the verdict; reason: one sentence for people, why
+    it was refused or what to mind; quality: further numbers for the report.
+    """
+
+    camera: Camera
+    method: Method
+    expected_error_px: float
+    residual_px: NDArray[np.float64]
+    inliers: NDArray[np.bool_]
+    covariance: NDArray[np.float64]
+    solved: tuple[str, ...] = ("rotation", "translation")
+    names: tuple[str, ...] = ()
+    accepted: bool = True
+    reason: str = ""
+    quality: dict[str, Any] = field(default_factory=dict)

@@ -1,0 +1,1 @@
+"""Finding the camera of a photo in the frame of the mesh."""

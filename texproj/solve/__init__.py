@@ -1,0 +1,1 @@
+"""Pure numerics: least squares, poses, matching, mutual information. No files, no GL."""
