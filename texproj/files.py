@@ -1,0 +1,97 @@
+"""Writing files so that a reader never meets half of one, and naming contents by their hash."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import hashlib
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from texproj.errors import OutputError
+
+STAGING_PREFIX = ".unfinished-"
+"""Folders of this name are left-overs of an interrupted write and may be deleted."""
+
+
+def write_atomically(path: Path, content: bytes | str) -> None:
+    """Write `content` beside `path`, then rename it there; the old file stays until then.
+
+    Raises OutputError; the old file is intact.
+    """
+    data = content.encode() if isinstance(content, str) else content
+    with staging(path.parent) as folder:
+        (folder / path.name).write_bytes(data)
+
+
+@contextlib.contextmanager
+def staging(target: Path) -> Iterator[Path]:
+    """A temporary folder inside `target`; what is in it moves to `target` when the block ends well.
+
+    Files that are there already are replaced one by one, each atomically. Raises OutputError for
+    a folder that cannot be written and for a full disk; nothing in `target` has changed then.
+    """
+    folder = None
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+        folder = Path(tempfile.mkdtemp(prefix=STAGING_PREFIX, dir=target))
+        yield folder
+        for file in sorted(folder.iterdir()):
+            file.replace(target / file.name)
+    except OSError as error:
+        raise OutputError(_write_failure(target, error)) from error
+    finally:
+        if folder is not None:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def remove_unfinished(target: Path) -> None:
+    """Delete what an interrupted write left in `target`."""
+    for folder in target.glob(f"{STAGING_PREFIX}*"):
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _write_failure(target: Path, error: OSError) -> str:
+    reasons = {
+        errno.ENOSPC: "the disk is full; free some space",
+        errno.EDQUOT: "the disk quota is used up; free some space",
+        errno.EACCES: "it is not writable; check its permissions",
+        errno.EPERM: "it is not writable; check its permissions",
+        errno.EROFS: "it is on a read-only disk; use another place",
+        errno.EEXIST: "there is a file of that name; move it away",
+        errno.ENOTDIR: "a part of that path is a file; move it away",
+    }
+    reason = reasons.get(error.errno or 0, f"{error.strerror or error}")
+    return f"cannot write to {target}: {reason} (what was there before is unchanged)"
+
+
+def content_hash(data: bytes) -> str:
+    """Hash of some bytes, 32 hexadecimal digits."""
+    return hashlib.blake2b(data, digest_size=16).hexdigest()
+
+
+def json_hash(value: Any) -> str:
+    """Hash of a value that JSON can hold, independent of the order of keys."""
+    return content_hash(json.dumps(value, sort_keys=True, separators=(",", ":")).encode())
+
+
+def file_hash(path: Path) -> str:
+    """Hash of a file's content."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
+
+
+def link_or_copy(source: Path, target: Path, link: bool) -> None:
+    """Put `source` at `target`: a symbolic link if asked, else a copy. Raises OutputError."""
+    try:
+        if link:
+            os.symlink(source.resolve(), target)
+        else:
+            shutil.copyfile(source, target)
+    except OSError as error:
+        raise OutputError(_write_failure(target, error)) from error

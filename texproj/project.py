@@ -1,0 +1,303 @@
+"""The project folder: the only module that knows a file name in it.
+
+Everything is read on demand and written to a temporary name, then renamed.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.errors import InputError, OutputError, UsageError, nearest_name
+from texproj.files import (
+    file_hash,
+    link_or_copy,
+    remove_unfinished,
+    staging,
+    write_atomically,
+)
+from texproj.formats.cameras import cameras_json, read_cameras
+from texproj.formats.correspondences import correspondences_csv, read_correspondences
+from texproj.formats.meshes import MESH_SUFFIXES, read_mesh
+from texproj.formats.photos import PHOTO_SUFFIXES, read_photo, read_photo_info
+from texproj.mesh import MeshSource
+from texproj.photo import Correspondences, Photo, PhotoInfo
+from texproj.records import CameraRecord
+from texproj.repair import repair
+from texproj.settings import Settings, read_settings
+
+SETTINGS_FILE = "project.toml"
+CAMERAS_FILE = "cameras.json"
+MASK_SUFFIX = ".png"
+
+NEW_SETTINGS = """\
+# Settings of this project. Every key is optional; `texproj COMMAND --help` lists them all.
+{lines}"""
+
+
+@dataclass(frozen=True)
+class Project:
+    """A project folder and its settings."""
+
+    root: Path
+    settings: Settings
+
+    @classmethod
+    def open(cls, root: Path) -> Project:
+        """The project in folder `root`.
+
+        Raises InputError where there is no such folder, UsageError for settings that cannot be.
+        """
+        if not root.is_dir():
+            raise InputError(f"no project folder at {root}; make one with `texproj new {root} ...`")
+        path = root / SETTINGS_FILE
+        try:
+            text = path.read_text(encoding="utf-8") if path.is_file() else ""
+        except UnicodeDecodeError:
+            raise InputError(f"{path} is not a text file in UTF-8; save it as one") from None
+        return cls(root, read_settings(text, str(path)))
+
+    def with_settings(self, settings: Settings) -> Project:
+        """The same folder with other settings; nothing is written."""
+        return replace(self, settings=settings)
+
+    # --- what a person puts in
+
+    @cached_property
+    def mesh_path(self) -> Path:
+        """The mesh file. Raises InputError if there is none, or more than one to choose from."""
+        if self.settings.mesh is not None:
+            path = self.root / self.settings.mesh
+            if not path.is_file():
+                raise InputError(f"no mesh at {path}; correct `mesh` in {self.root / SETTINGS_FILE}")
+            return path
+        folder = self.root / "mesh"
+        found = _files(folder, MESH_SUFFIXES)
+        if not found:
+            kinds = ", ".join(s[1:] for s in MESH_SUFFIXES)
+            raise InputError(f"no mesh in {folder}; put one file there ({kinds})")
+        if len(found) > 1:
+            names = ", ".join(p.name for p in found)
+            raise InputError(
+                f'several meshes in {folder} ({names}); say which: mesh = "mesh/{found[0].name}" '
+                f"in {self.root / SETTINGS_FILE}"
+            )
+        return found[0]
+
+    @cached_property
+    def photo_paths(self) -> dict[str, Path]:
+        """The photos by file name, in the order of their names. Raises InputError for none."""
+        folder = self.root / self.settings.photos
+        found = _files(folder, PHOTO_SUFFIXES)
+        if not found:
+            kinds = ", ".join(s[1:] for s in PHOTO_SUFFIXES)
+            raise InputError(f"no photos in {folder}; put some there ({kinds})")
+        stems: dict[str, str] = {}
+        for path in found:
+            if path.stem in stems:
+                raise InputError(
+                    f"{stems[path.stem]} and {path.name} in {folder} differ only in their ending, "
+                    f"so masks and correspondences cannot tell them apart; rename one"
+                )
+            stems[path.stem] = path.name
+        return {path.name: path for path in found}
+
+    @property
+    def photo_names(self) -> list[str]:
+        return list(self.photo_paths)
+
+    def photo_path(self, name: str) -> Path:
+        """The file of photo `name`. Raises UsageError for a name that is not in the project."""
+        if name not in self.photo_paths:
+            known = nearest_name(name, self.photo_paths)
+            raise UsageError(f"no photo {name!r} in {self.root / self.settings.photos}{known}")
+        return self.photo_paths[name]
+
+    def load_mesh(self) -> MeshSource:
+        """The mesh, read and repaired in memory. Raises InputError."""
+        path = self.mesh_path
+        vertices, faces = read_mesh(path)
+        try:
+            return repair(vertices, faces)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+
+    def photo_info(self, name: str) -> PhotoInfo:
+        """What the photo's header says. Raises InputError."""
+        return read_photo_info(self.photo_path(name))
+
+    def load_photo(self, name: str, longest: int | None = None) -> Photo:
+        """The upright photo with its mask, its longer side reduced to `longest` if it is larger."""
+        path = self.photo_path(name)
+        return read_photo(path, read_photo_info(path), self.mask_path(name), longest)
+
+    def mask_path(self, name: str) -> Path | None:
+        """The stencil of photo `name`, None if it has none."""
+        folder = self.root / "masks"
+        for candidate in (Path(name).stem + MASK_SUFFIX, name + MASK_SUFFIX):
+            if (folder / candidate).is_file():
+                return folder / candidate
+        return None
+
+    def correspondences_path(self, name: str) -> Path:
+        """Where the picks of photo `name` are, or would be."""
+        return self.root / "correspondences" / f"{Path(name).stem}.csv"
+
+    def load_correspondences(self, name: str) -> Correspondences | None:
+        """The picks of photo `name`, None if there are none. Raises InputError."""
+        path = self.correspondences_path(name)
+        return read_correspondences(path) if path.is_file() else None
+
+    def save_correspondences(self, name: str, picks: Correspondences) -> None:
+        """Write the picks of photo `name`. Raises OutputError."""
+        self.photo_path(name)
+        write_atomically(self.correspondences_path(name), correspondences_csv(picks))
+
+    # --- cameras
+
+    @property
+    def cameras_path(self) -> Path:
+        return self.root / CAMERAS_FILE
+
+    def load_cameras(self) -> dict[str, CameraRecord]:
+        """The entries of cameras.json by photo name; empty if there is no such file."""
+        if not self.cameras_path.is_file():
+            return {}
+        return {record.file: record for record in read_cameras(self.cameras_path).records}
+
+    def save_cameras(self, records: Iterable[CameraRecord]) -> None:
+        """Write `records` over the entries of the same photos, keeping all others.
+
+        Raises OutputError.
+        """
+        path = self.cameras_path
+        old = read_cameras(path) if path.is_file() else None
+        merged = {r.file: r for r in old.records} if old else {}
+        merged.update({record.file: record for record in records})
+        ordered = [merged[name] for name in sorted(merged)]
+        write_atomically(path, cameras_json(ordered, old.extra if old else {}))
+
+    # --- what the machine makes
+
+    @property
+    def work(self) -> Path:
+        return self.root / "work"
+
+    @property
+    def out(self) -> Path:
+        return self.root / "out"
+
+    def record_path(self, stage: str, name: str | None = None) -> Path:
+        """Where the record of a stage, or of one photo in it, is kept."""
+        return self.work / stage / f"{name}.json" if name else self.work / f"{stage}.json"
+
+    def load_record(self, stage: str, name: str | None = None) -> dict[str, Any] | None:
+        """What a stage wrote about its last run; None if it never ran or the file is broken."""
+        path = self.record_path(stage, name)
+        try:
+            record = json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return None
+        return record if isinstance(record, dict) else None
+
+    def save_record(self, stage: str, name: str | None, record: dict[str, Any]) -> None:
+        """Keep what a stage has to say about its run. Raises OutputError."""
+        write_atomically(self.record_path(stage, name), json.dumps(record, indent=1))
+
+    def load_array(self, key: str) -> NDArray[Any] | None:
+        """The array cached under `key`, None if there is none."""
+        path = self.work / "arrays" / f"{key}.npy"
+        try:
+            return np.load(path, allow_pickle=False) if path.is_file() else None
+        except (OSError, ValueError, EOFError):
+            return None
+
+    def save_array(self, key: str, array: NDArray[Any]) -> None:
+        """Cache an array under `key`. Raises OutputError."""
+        with staging(self.work / "arrays") as folder:
+            np.save(folder / f"{key}.npy", array, allow_pickle=False)
+
+    def hash_of(self, path: Path | None) -> str | None:
+        """Hash of a file's content, read again only when its size or time changed."""
+        if path is None or not path.is_file():
+            return None
+        stat = path.stat()
+        stamp = [stat.st_size, stat.st_mtime_ns]
+        known = self._hashes.get(str(path))
+        if known is None or known[0] != stamp:
+            self._hashes[str(path)] = known = [stamp, file_hash(path)]
+        return str(known[1])
+
+    @cached_property
+    def _hashes(self) -> dict[str, list[Any]]:
+        return self.load_record("hashes") or {}
+
+    def save_hashes(self) -> None:
+        """Keep the hashes for the next run. Raises OutputError."""
+        self.save_record("hashes", None, self._hashes)
+
+    def remove_unfinished(self) -> None:
+        """Delete what an interrupted run left behind."""
+        for folder in (self.root, self.out, self.work):
+            remove_unfinished(folder)
+
+
+def create_project(root: Path, mesh: Path, photos: Sequence[Path], link: bool) -> Project:
+    """Make a project folder of one mesh and photos (files, or folders that hold them).
+
+    Files are copied, or linked if asked. Raises UsageError for a folder that is not empty,
+    InputError for what cannot be used, OutputError for a place that cannot be written.
+    """
+    if root.exists() and (not root.is_dir() or any(root.iterdir())):
+        raise UsageError(f"{root} exists and is not empty; give a new folder")
+    if not mesh.is_file():
+        raise InputError(f"no mesh at {mesh}")
+    if mesh.suffix.lower() not in MESH_SUFFIXES:
+        kinds = ", ".join(s[1:] for s in MESH_SUFFIXES)
+        raise InputError(f"{mesh} is not a mesh that texproj reads ({kinds})")
+    sources = _photo_sources(photos)
+    try:
+        for folder in ("mesh", "photos", "masks", "correspondences"):
+            (root / folder).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"cannot make {root}: {error.strerror}") from None
+    link_or_copy(mesh, root / "mesh" / mesh.name, link)
+    for source in sources:
+        link_or_copy(source, root / "photos" / source.name, link)
+    lines = f'mesh = "mesh/{mesh.name}"\nphotos = "photos"\n'
+    write_atomically(root / SETTINGS_FILE, NEW_SETTINGS.format(lines=lines))
+    return Project.open(root)
+
+
+def _photo_sources(photos: Sequence[Path]) -> list[Path]:
+    sources: dict[str, Path] = {}
+    for given in photos:
+        if not given.exists():
+            raise InputError(f"no photo or folder at {given}")
+        found = _files(given, PHOTO_SUFFIXES) if given.is_dir() else [given]
+        if not found:
+            raise InputError(f"no photos in {given}")
+        for path in found:
+            if path.suffix.lower() not in PHOTO_SUFFIXES:
+                kinds = ", ".join(s[1:] for s in PHOTO_SUFFIXES)
+                raise InputError(f"{path} is not a photo that texproj reads ({kinds})")
+            if path.name in sources:
+                raise InputError(f"two photos are named {path.name}: rename one of them")
+            sources[path.name] = path
+    if not sources:
+        raise UsageError("give at least one photo, or a folder of photos")
+    return list(sources.values())
+
+
+def _files(folder: Path, suffixes: Sequence[str]) -> list[Path]:
+    if not folder.is_dir():
+        return []
+    found = (p for p in folder.iterdir() if p.is_file() and not p.name.startswith("."))
+    return sorted(p for p in found if p.suffix.lower() in suffixes)
