@@ -1,0 +1,174 @@
+"""cameras.json: the registered cameras, the only thing that travels from register to color."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, PositiveInt, ValidationError
+
+from texproj.camera import DISTORTION_LENGTHS, Intrinsics, Pose
+from texproj.errors import InputError
+from texproj.records import CameraRecord, Method, Status
+
+FORMAT = "texproj-cameras"
+VERSION = 1
+ROTATION_TOLERANCE = 1e-4
+"""Largest error of R @ R.T against the identity; six printed digits stay well below."""
+
+M = TypeVar("M", bound=BaseModel)
+Row = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+Matrix = tuple[Row, Row, Row]
+
+
+class _Entry(BaseModel):
+    """One photo's entry as the file has it."""
+
+    model_config = ConfigDict(extra="allow")
+
+    file: str = Field(min_length=1)
+    width: PositiveInt
+    height: PositiveInt
+    status: Status = "registered"
+    K: Matrix | None = None
+    dist: tuple[FiniteFloat, ...] = (0.0,) * 5
+    R: Matrix | None = None
+    t: Row | None = None
+    method: Method | None = None
+    quality: dict[str, Any] = {}
+
+
+class _File(BaseModel):
+    """The whole file; entries are validated one by one so that errors can name them."""
+
+    model_config = ConfigDict(extra="allow")
+
+    format: str
+    version: int
+    photos: list[dict[str, Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class CameraFile:
+    """What a cameras.json holds. extra: its top-level keys that texproj does not know."""
+
+    records: list[CameraRecord]
+    extra: dict[str, Any]
+
+
+def read_cameras(path: Path) -> CameraFile:
+    """The records of a cameras.json, in its order; unknown keys are kept, here and per entry.
+
+    Raises InputError that names the entry and the key.
+    """
+    content = _validated(_File, _json(path), f"{path}")
+    if content.format != FORMAT or content.version != VERSION:
+        raise InputError(
+            f"{path}: format {content.format!r} version {content.version};"
+            f" this program reads {FORMAT!r} version {VERSION}"
+        )
+    records = [
+        record_of_entry(entry, f"{path}, photo {entry.get('file') or f'number {i}'}")
+        for i, entry in enumerate(content.photos, 1)
+    ]
+    names = [record.file for record in records]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"{path}: {name} appears twice; keep one entry per photo")
+    return CameraFile(records, dict(content.model_extra or {}))
+
+
+def cameras_json(
+    records: Iterable[CameraRecord], extra: Mapping[str, Any] = MappingProxyType({})
+) -> str:
+    """The text of a cameras.json, one entry a line; reading it gives back every bit."""
+    known = {"format": FORMAT, "version": VERSION}
+    head = json.dumps(dict(extra) | known, allow_nan=False, default=_plain)[:-1]
+    entries = ",\n".join(json.dumps(entry_of_record(record)) for record in records)
+    return f'{head}, "photos": [\n{entries}\n]}}\n'
+
+
+def record_of_entry(value: dict[str, Any], where: str = "camera") -> CameraRecord:
+    """One entry of `photos` as a record. Raises InputError that names `where` and the key."""
+    entry = _validated(_Entry, value, where)
+    if (entry.R is None) != (entry.t is None):
+        raise InputError(f"{where}: give R and t together, or neither")
+    if entry.status == "registered" and (entry.K is None or entry.R is None):
+        raise InputError(f"{where}: a registered camera has K, R and t (else: status 'prior')")
+    if entry.status == "failed" and entry.R is not None:
+        raise InputError(f"{where}: a failed photo has no R and t (else: status 'prior')")
+    return CameraRecord(
+        entry.file, entry.width, entry.height, _intrinsics(where, entry), _pose(where, entry),
+        entry.status, entry.method, entry.quality, dict(entry.model_extra or {}),
+    )  # fmt: skip
+
+
+def entry_of_record(record: CameraRecord) -> dict[str, Any]:
+    """A record as its entry of `photos`, plain lists and numbers."""
+    entry: dict[str, Any] = {"file": record.file, "width": record.width, "height": record.height}
+    if record.intrinsics is not None:
+        entry |= {"K": record.intrinsics.K.tolist(), "dist": list(record.intrinsics.dist)}
+    if record.pose is not None and record.status != "failed":
+        entry |= {"R": record.pose.R.tolist(), "t": record.pose.t.tolist()}
+    entry["status"] = record.status
+    if record.method is not None:
+        entry["method"] = record.method
+    entry["quality"] = record.quality
+    return json.loads(json.dumps(record.extra | entry, allow_nan=False, default=_plain))
+
+
+def _json(path: Path) -> Any:
+    try:
+        return json.loads(path.read_text("utf-8-sig"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path}, line {error.lineno}: not JSON ({error.msg})") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: not a text file in UTF-8") from None
+
+
+def _validated(model: type[M], value: Any, where: str) -> M:
+    try:
+        return model.model_validate(value)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"])
+        raise InputError(f"{where}: {key or 'content'}: {first['msg'].lower()}") from None
+
+
+def _intrinsics(where: str, entry: _Entry) -> Intrinsics | None:
+    if entry.K is None:
+        return None
+    K = np.array(entry.K)
+    if K[0, 1] or K[1, 0] or not np.array_equal(K[2], (0, 0, 1)) or min(K[0, 0], K[1, 1]) <= 0:
+        raise InputError(
+            f"{where}: K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0"
+        )
+    if len(entry.dist) not in DISTORTION_LENGTHS:
+        raise InputError(
+            f"{where}: dist has {len(entry.dist)} coefficients;"
+            f" one of {', '.join(map(str, DISTORTION_LENGTHS))} is needed"
+        )
+    return Intrinsics.from_K(K, entry.width, entry.height, entry.dist)
+
+
+def _pose(where: str, entry: _Entry) -> Pose | None:
+    if entry.R is None or entry.t is None:
+        return None
+    R = np.array(entry.R)
+    if np.abs(R @ R.T - np.eye(3)).max() > ROTATION_TOLERANCE or np.linalg.det(R) < 0:
+        raise InputError(f"{where}: R is not a rotation (orthonormal rows, determinant +1)")
+    return Pose(R, np.array(entry.t))
+
+
+def _plain(value: Any) -> Any:
+    """numpy scalars and arrays as JSON has them."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} cannot be written to cameras.json")
