@@ -14,7 +14,7 @@ from pydantic.dataclasses import dataclass
 
 from texproj.errors import UsageError, nearest_name
 
-STRICT = ConfigDict(extra="forbid")
+STRICT = ConfigDict(extra="forbid", use_attribute_docstrings=True)
 T = TypeVar("T")
 
 Positive = Annotated[float, Field(gt=0)]
@@ -27,6 +27,70 @@ class RenderOptions:
 
     renderer: Literal["auto", "gl", "cpu"] = "auto"
     """OpenGL, the ray caster on the processor, or whichever works (GL first)."""
+
+
+@dataclass(frozen=True, config=STRICT)
+class ColorOptions:
+    """How photos are projected onto the surface and blended."""
+
+    depth_scale: Annotated[float, Field(gt=0, le=1)] = 0.5
+    """Size of the depth image that decides what a photo sees, as a part of the photo's size."""
+
+    min_cos_angle: Annotated[float, Field(gt=0, lt=1)] = 0.05
+    """Surface turned away from the camera further than this cosine gets no color from it."""
+
+    angle_power: Annotated[float, Field(ge=0)] = 1.0
+    """How strongly a frontal view is preferred; 0 = not at all."""
+
+    density_power: Annotated[float, Field(ge=0)] = 1.0
+    """How strongly a view with more pixels on the surface is preferred; 0 = not at all."""
+
+    border_feather: Annotated[float, Field(ge=0, le=1)] = 0.03
+    """Width of the ramp at a photo's border, as a part of its diagonal."""
+
+    silhouette_feather: Annotated[float, Field(ge=0, le=1)] = 0.005
+    """Width of the ramp beside depth discontinuities, as a part of the photo's diagonal."""
+
+    mask_feather: Annotated[float, Field(ge=0, le=1)] = 0.003
+    """Width of the ramp beside a mask, as a part of the photo's diagonal."""
+
+
+@dataclass(frozen=True, config=STRICT)
+class UnwrapOptions:
+    """How the surface is cut into charts and laid out on the pages of the texture."""
+
+    page_size: Annotated[int, Field(ge=16, le=32768)] = 8192
+    """Largest width and height of a page, texels."""
+    max_pages: Annotated[int, Field(ge=1, le=256)] = 4
+    """Most pages; the resolution is lowered where that many are not enough."""
+    padding_px: Annotated[int, Field(ge=1, le=64)] = 4
+    """Empty texels between two charts, filled later so that filtering does not mix them."""
+    flatness: Annotated[float, Field(gt=0.5, lt=1)] = 0.93
+    """How flat a chart must be: the least length of its mean normal. Lower: fewer charts, more
+    stretch."""
+    steepest_deg: Annotated[float, Field(gt=30, lt=85)] = 75.0
+    """Largest angle between a face and the plane of its chart."""
+
+
+@dataclass(frozen=True, config=STRICT)
+class PointsOptions:
+    """How a camera is solved from picked points."""
+
+    solve: tuple[Literal["auto", "pose", "focal", "principal-point", "k1", "k2"], ...] = ("auto",)
+    """What to solve besides the pose: auto = what is uncertain and what the picks contradict."""
+
+    focal: Literal["auto", "known", "approximate", "unknown"] = "auto"
+    """How far to trust the focal length at hand: auto = known if it comes from cameras.json,
+    unless the picks contradict it; approximate if from EXIF; unknown if there is none."""
+
+    pick_sigma_percent: Positive = 0.07
+    """Usual noise of a pick, percent of the photo's longer side; corrected by the residuals."""
+
+    max_error_percent: Positive = 0.3
+    """Refuse a camera whose expected error on the surface is larger, percent of the longer side."""
+
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Seed of the random sampling; the same seed gives the same camera."""
 
 
 def options_from(cls: type[T], values: dict[str, Any], where: str) -> T:

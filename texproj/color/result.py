@@ -1,0 +1,43 @@
+"""What a color projection hands over."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from texproj.color.atlas import Atlas
+
+
+@dataclass(frozen=True, eq=False)
+class VertexColors:
+    """One color per vertex of the mesh.
+
+    rgb: (V, 3) float32 linear light (1 = white of the photos), also where no photo sees the
+    vertex: there it is filled from the surface around; weight: (V,) float32 summed weight of the
+    photos, 0 = unseen; photo_count: (V,) uint16; quality: numbers for the report.
+    """
+
+    rgb: NDArray[np.float32]
+    weight: NDArray[np.float32]
+    photo_count: NDArray[np.uint16]
+    quality: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Texture:
+    """Colors on the pages of an atlas.
+
+    pages: one (h, w, 3) image per page, sRGB encoded, uint8 or uint16, row 0 on top; texels that
+    no photo sees and those between the charts are filled from around them.
+    photo_count: one (h, w) uint8 image per page: how many photos a texel's color comes from,
+    0 = unseen or outside of every chart; quality: numbers for the report.
+    """
+
+    atlas: Atlas
+    pages: tuple[NDArray[Any], ...]
+    photo_count: tuple[NDArray[np.uint8], ...]
+    quality: dict[str, Any] = field(default_factory=dict)
