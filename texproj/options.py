@@ -30,6 +30,16 @@ class RenderOptions:
 
 
 @dataclass(frozen=True, config=STRICT)
+class RegisterOptions:
+    """How the cameras of the photos are found."""
+
+    method: Literal[
+        "auto", "points", "mutual-information", "silhouette", "structure", "features"
+    ] = "auto"
+    """Auto uses what the project has: picks, an approximate camera, a mask, other photos."""
+
+
+@dataclass(frozen=True, config=STRICT)
 class ColorOptions:
     """How photos are projected onto the surface and blended."""
 
@@ -91,6 +101,38 @@ class PointsOptions:
 
     seed: Annotated[int, Field(ge=0)] = 0
     """Seed of the random sampling; the same seed gives the same camera."""
+
+
+@dataclass(frozen=True, config=STRICT)
+class StructureOptions:
+    """How a camera is found by matching the mesh's structure, and when it is believed."""
+
+    working_px: Annotated[int, Field(ge=128, le=4096)] = 768
+    """Longer side of the reduced photo that is matched, pixels."""
+
+    rolls_deg: tuple[float, ...] = (-14.0, -7.0, 0.0, 7.0, 14.0)
+    """Turns about the line of sight that are tried around the start, degrees."""
+
+    scales: tuple[Positive, ...] = (0.74, 0.86, 1.0, 1.16, 1.35)
+    """Enlargements that are tried around the start."""
+
+    starts: Annotated[int, Field(ge=0, le=100)] = 5
+    """How many of the best turned, enlarged and shifted starts are followed up."""
+
+    focal_sigma: Positive = 0.1
+    """How far to trust the start's focal length: relative standard deviation."""
+
+    sure_support: Fraction = 0.75
+    """Share of patches found in place at which no further start is tried."""
+
+    min_agreement: Fraction = 0.3
+    """Share of fine patches found in place below which a camera is refused ..."""
+
+    min_support: Fraction = 0.35
+    """... unless that share at half the working size is at least this."""
+
+    min_coverage: Fraction = 0.4
+    """Share of the picture that must agree, counted in cells where the mesh is."""
 
 
 def options_from(cls: type[T], values: dict[str, Any], where: str) -> T:

@@ -42,6 +42,11 @@ class CameraRecord:
             return None
         return Camera(self.intrinsics, self.pose)
 
+    @property
+    def registered_camera(self) -> Camera | None:
+        """The camera, if it is vouched for: what color may use."""
+        return self.camera if self.status == "registered" else None
+
 
 @dataclass(frozen=True, eq=False)
 class Fit:

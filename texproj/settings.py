@@ -8,10 +8,23 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from texproj.errors import InputError, UsageError, nearest_name
-from texproj.options import RenderOptions, options_from
+from texproj.options import (
+    ColorOptions,
+    PointsOptions,
+    RegisterOptions,
+    RenderOptions,
+    StructureOptions,
+    UnwrapOptions,
+    options_from,
+)
 
 SECTIONS: dict[str, type] = {
     "render": RenderOptions,
+    "register": RegisterOptions,
+    "points": PointsOptions,
+    "structure": StructureOptions,
+    "color": ColorOptions,
+    "unwrap": UnwrapOptions,
 }
 """Tables of project.toml and the options that each holds."""
 

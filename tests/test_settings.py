@@ -1,0 +1,58 @@
+"""project.toml: every key known, every value within its bounds, defaults from one place."""
+
+import pytest
+
+from texproj.errors import InputError, UsageError
+from texproj.options import RenderOptions
+from texproj.settings import SECTIONS, read_settings
+
+
+def test_an_empty_file_gives_the_defaults():
+    """No key is required."""
+    settings = read_settings("", "project.toml")
+
+    assert settings.mesh is None
+    assert settings.photos == "photos"
+    assert settings.options("render") == RenderOptions()
+
+
+def test_an_unknown_key_names_the_nearest_known_one():
+    """A misspelled key is never ignored."""
+    with pytest.raises(UsageError, match=r"p\.toml: unknown key 'foto' \(did you mean 'photos'"):
+        read_settings('foto = "x"', "p.toml")
+
+
+def test_an_unknown_key_in_a_table_names_the_table():
+    """The same inside a table."""
+    with pytest.raises(UsageError, match=r"\[render\]: unknown key 'renderr' .*'renderer'"):
+        read_settings('[render]\nrenderr = "gl"', "p.toml")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('[render]\nrenderer = "vulkan"', "renderer = 'vulkan'"),
+        ("photos = 3", "photos must be a path"),
+        ("render = 3", "render must be a table"),
+    ],
+)
+def test_a_value_out_of_bounds_is_named(text, words):
+    """Key and value stand in the sentence."""
+    with pytest.raises(UsageError, match=words):
+        read_settings(text, "p.toml")
+
+
+def test_broken_toml_is_one_sentence():
+    """The parser's own words say where."""
+    with pytest.raises(InputError, match=r"p\.toml is not valid TOML: .*document"):
+        read_settings("photos = ", "p.toml")
+
+
+@pytest.mark.parametrize("name", sorted(SECTIONS))
+def test_every_option_is_documented(name):
+    """Flags take their help from the options."""
+    from pydantic import TypeAdapter
+
+    properties = TypeAdapter(SECTIONS[name]).json_schema()["properties"]
+
+    assert [key for key, value in properties.items() if not value.get("description")] == []

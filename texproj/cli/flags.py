@@ -1,0 +1,83 @@
+"""Command-line flags made from the option classes, so that each default lives once.
+
+A flag that is not given leaves what project.toml says; that leaves the default of the option.
+"""
+
+from __future__ import annotations
+
+from dataclasses import MISSING, Field, asdict, field, fields, make_dataclass
+from typing import Annotated, Any, get_type_hints
+
+from cyclopts import Parameter
+from pydantic import TypeAdapter
+
+from texproj.options import options_from
+from texproj.settings import SECTIONS, Settings
+
+
+def flags_for(flat: tuple[str, ...], nested: tuple[str, ...] = ()) -> Any:
+    """An annotation that adds flags for sections of project.toml to a command.
+
+    The options of `flat` sections become `--option`, those of `nested` ones `--section.option`.
+    """
+    columns: list[Any] = [
+        (name, hint, field(default=None, metadata={"section": section}))
+        for section in flat
+        for name, hint in _flags(section)
+    ]
+    for section in nested:
+        holder = _dataclass(f"{section.title()}Flags", _columns(section))
+        hint = Annotated[holder | None, Parameter(name=section)]
+        columns.append((section, hint, field(default=None)))
+    combined = _dataclass("Flags", columns)
+    return Annotated[combined | None, Parameter(name="*")]
+
+
+def apply_flags(settings: Settings, flags: Any) -> Settings:
+    """`settings` with the flags that were given over it. Raises UsageError for a bad value."""
+    if flags is None:
+        return settings
+    for section, given in _given(flags).items():
+        values = {**asdict(settings.options(section)), **given}
+        options = options_from(SECTIONS[section], values, "command line")
+        settings = settings.with_options(section, options)
+    return settings
+
+
+def _given(flags: Any) -> dict[str, dict[str, Any]]:
+    """The values that were given, by section."""
+    given: dict[str, dict[str, Any]] = {}
+    for column in fields(flags):
+        value = getattr(flags, column.name)
+        if value is None:
+            continue
+        if "section" in column.metadata:
+            given.setdefault(column.metadata["section"], {})[column.name] = value
+        else:
+            values = {k: v for k, v in asdict(value).items() if v is not None}
+            given.setdefault(column.name, {}).update(values)
+    return given
+
+
+def _columns(section: str) -> list[Any]:
+    return [(name, hint, field(default=None)) for name, hint in _flags(section)]
+
+
+def _flags(section: str) -> list[tuple[str, Any]]:
+    """Name and optional, documented type of each option of a section."""
+    cls = SECTIONS[section]
+    hints = get_type_hints(cls)
+    return [(f.name, _flag(cls, f, hints[f.name])) for f in fields(cls)]
+
+
+def _flag(cls: type, option: Field[Any], hint: Any) -> Any:
+    text = TypeAdapter(cls).json_schema()["properties"][option.name].get("description", "")
+    default = option.default if option.default is not MISSING else option.default_factory()  # type: ignore[misc]
+    shown = "none" if default is None else str(default).lower() if default in (True, False) else default
+    return Annotated[hint | None, Parameter(help=f"{' '.join(text.split())} [default: {shown}]")]
+
+
+def _dataclass(name: str, columns: list[Any]) -> type:
+    made = make_dataclass(name, columns, frozen=True)
+    made.__module__ = __name__
+    return made

@@ -1,0 +1,60 @@
+"""The program: exit codes, and one sentence instead of a traceback."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+
+from cyclopts import App, CycloptsError
+
+from texproj import __version__
+from texproj.cli import talk
+from texproj.errors import TexprojError
+from texproj.stages.progress import Cancelled
+
+DONE, SOME_FAILED, UNUSABLE, INTERRUPTED = 0, 1, 2, 130
+"""Exit codes: all done; some photos failed; wrong usage or unusable input; stopped by Ctrl-C."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line `arguments` (those of the process by default); return the exit code."""
+    from texproj.cli.commands import app  # noqa: PLC0415 - keeps `import texproj.cli` light
+
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        code = _call(app, words)
+        sys.stdout.flush()
+    except BrokenPipeError:  # the reader of our output went away, e.g. `| head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return DONE
+    return code
+
+
+def _call(app: App, words: list[str]) -> int:
+    try:
+        result = app(
+            words, exit_on_error=False, print_error=False, result_action="return_value"
+        )
+    except CycloptsError as error:
+        return _refuse(words, f"{error} (see `texproj {_command(words)}--help`)")
+    except TexprojError as error:
+        return _refuse(words, str(error))
+    except (KeyboardInterrupt, Cancelled):
+        talk.complain("stopped; the next run goes on where this one was")
+        return INTERRUPTED
+    return result if isinstance(result, int) else DONE
+
+
+def _refuse(words: list[str], sentence: str) -> int:
+    if "--json" in words:
+        talk.say_json({"error": sentence})
+    talk.complain(" ".join(sentence.split()))
+    return UNUSABLE
+
+
+def _command(words: list[str]) -> str:
+    return f"{words[0]} " if words and not words[0].startswith("-") else ""
+
+
+VERSION = __version__

@@ -1,0 +1,77 @@
+"""What this machine offers to texproj, what is missing and how to get it."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import platform
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, requires, version
+from re import match
+
+from texproj.errors import RenderError
+from texproj.options import RenderOptions
+from texproj.render import open_renderer
+
+GL_LIBRARIES = {"libEGL.so.1": "libegl1", "libGL.so.1": "libgl1", "libOpenGL.so.0": "libopengl0"}
+"""Shared libraries that OpenGL without a display and pymeshlab need, and their Debian packages."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was looked at. remedy: what to do if it is not good."""
+
+    name: str
+    good: bool
+    detail: str
+    remedy: str = ""
+
+
+def examine() -> list[Finding]:
+    """Look at the machine: system, renderers, system libraries, packages."""
+    system = f"Python {platform.python_version()} on {platform.platform()}, {os.cpu_count()} cores"
+    return [Finding("system", True, system), *_libraries(), *_renderers(), *_packages()]
+
+
+def _libraries() -> list[Finding]:
+    if platform.system() != "Linux":
+        return []
+    missing = [name for name in GL_LIBRARIES if not _loads(name)]
+    if not missing:
+        return [Finding("libraries", True, ", ".join(GL_LIBRARIES))]
+    packages = " ".join(GL_LIBRARIES[name] for name in missing)
+    remedy = f"apt-get install --no-install-recommends {packages}"
+    return [Finding("libraries", False, f"{', '.join(missing)} not found", remedy)]
+
+
+def _loads(library: str) -> bool:
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        return False
+    return True
+
+
+def _renderers() -> list[Finding]:
+    findings = []
+    for kind in ("gl", "cpu"):
+        try:
+            with open_renderer(RenderOptions(renderer=kind)) as renderer:
+                findings.append(Finding(f"renderer {kind}", True, renderer.name))
+        except RenderError as error:
+            findings.append(Finding(f"renderer {kind}", False, str(error)))
+    return findings
+
+
+def _packages() -> list[Finding]:
+    findings = []
+    for requirement in requires("texproj") or []:
+        if "extra ==" in requirement:
+            continue
+        found = match(r"[A-Za-z0-9_.-]+", requirement)
+        name = found.group() if found else requirement
+        try:
+            findings.append(Finding(name, True, version(name)))
+        except PackageNotFoundError:
+            findings.append(Finding(name, False, "not installed", f"pip install {name}"))
+    return findings

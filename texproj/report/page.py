@@ -1,0 +1,41 @@
+"""The report as one HTML page that needs no other file."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import cv2
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from numpy.typing import NDArray
+
+JPEG_QUALITY = 82
+
+
+def page(facts: Mapping[str, Any], overlays: Mapping[str, str], views: Sequence[str]) -> str:
+    """The HTML of a report. overlays: data URLs by photo name; views: data URLs of the model."""
+    environment = Environment(
+        loader=PackageLoader("texproj.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    photos = sorted(facts["photos"], key=_worst_first)
+    template = environment.get_template("report.html")
+    return template.render(facts=facts, photos=photos, overlays=overlays, views=views)
+
+
+def data_url(picture: NDArray[np.uint8]) -> str:
+    """A (h, w, 3) RGB picture as a JPEG inside a URL."""
+    flags = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
+    _, data = cv2.imencode(".jpg", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), flags)
+    return "data:image/jpeg;base64," + base64.b64encode(data.tobytes()).decode()
+
+
+def _worst_first(photo: Mapping[str, Any]) -> tuple[int, float, str]:
+    order = {"failed": 0, "prior": 1, "registered": 2}
+    error = photo["quality"].get("expected_error_px")
+    return order.get(photo["status"], 0), -(error or 0.0), photo["file"]

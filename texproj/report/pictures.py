@@ -1,0 +1,123 @@
+"""Pictures for the report: the mesh's edges over a photo, picks with their residuals, the model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.camera import Camera, Intrinsics, Pose
+from texproj.mesh import Mesh
+from texproj.photo import Correspondences, Photo, srgb_from_linear
+from texproj.render import GBuffer
+
+Image = NDArray[np.uint8]
+
+OVERLAY_LONGEST = 800
+"""Longer side of a photo in the report, pixels."""
+VIEW_SIZE = (640, 480)
+"""Width and height of a view of the model, pixels."""
+VIEW_ANGLES_DEG = (0.0, -55.0, 55.0)
+"""Turns about the upward axis from the photos' mean viewpoint: front, one side, the other."""
+RESIDUAL_MAGNIFICATION = 20
+"""Residuals of a pixel or so would be invisible in a reduced photo."""
+EDGE_DEPTH_RATIO = 0.01
+"""A step in depth of more than this part of the depth is an edge to draw."""
+EDGE_NORMAL_COSINE = 0.8
+"""A turn of the normal between neighboring pixels past this cosine is one too."""
+
+EDGE_COLOR = (0, 255, 255)
+PICK_COLOR = (80, 255, 80)
+OUTLIER_COLOR = (255, 60, 60)
+
+
+def overlay(photo: Photo, gbuffer: GBuffer) -> Image:
+    """(h, w, 3) uint8: the photo with the edges of the mesh as its camera sees them.
+
+    gbuffer: depth and normals rendered at the photo's size. Where the lines follow the picture,
+    the registration is right.
+    """
+    picture = encoded(photo)
+    edges = mesh_edges(gbuffer)
+    picture[cv2.dilate(edges, np.ones((2, 2), np.uint8)) > 0] = EDGE_COLOR
+    return picture
+
+
+def mesh_edges(gbuffer: GBuffer) -> Image:
+    """(h, w) uint8: 1 on silhouettes and creases."""
+    assert gbuffer.depth is not None and gbuffer.normal_in_cam is not None
+    depth, normal = gbuffer.depth, gbuffer.normal_in_cam
+    edges = np.zeros(depth.shape, np.uint8)
+    for axis in (0, 1):
+        first, second = _neighbors(depth, axis), _neighbors(normal, axis)
+        near = np.minimum(*first)
+        with np.errstate(invalid="ignore"):
+            step = np.abs(first[0] - first[1]) > EDGE_DEPTH_RATIO * near
+        crease = (second[0] * second[1]).sum(-1) < EDGE_NORMAL_COSINE
+        mark = (step | crease) & np.isfinite(near)
+        view = edges[:-1] if axis == 0 else edges[:, :-1]
+        view[mark] = 1
+    return edges
+
+
+def _neighbors(image: NDArray[np.float32], axis: int) -> tuple[NDArray[np.float32], ...]:
+    if axis == 0:
+        return image[:-1], image[1:]
+    return image[:, :-1], image[:, 1:]
+
+
+def draw_picks(
+    picture: Image, camera: Camera, picks: Correspondences, outliers: Sequence[str]
+) -> Image:
+    """The picture with each pick as a circle and its residual, magnified, as a line.
+
+    camera: for the full-size photo that `picture` shows reduced.
+    """
+    picture = picture.copy()
+    scale = picture.shape[1] / camera.width
+    projected, _ = camera.project(picks.xyz_in_world)
+    for name, xy, found in zip(picks.names, picks.xy_px, projected, strict=True):
+        color = OUTLIER_COLOR if name in outliers else PICK_COLOR
+        at = tuple(int(v) for v in xy * scale)
+        cv2.circle(picture, at, 5, color, 1, cv2.LINE_AA)
+        if np.isfinite(found).all():
+            shift = np.clip((found - xy) * RESIDUAL_MAGNIFICATION, -1e4, 1e4)
+            end = tuple(int(v) for v in (xy + shift) * scale)
+            cv2.line(picture, at, end, color, 1, cv2.LINE_AA)
+        label = (at[0] + 7, at[1] - 5)
+        cv2.putText(picture, name, label, cv2.FONT_HERSHEY_SIMPLEX, 0.4, color, 1, cv2.LINE_AA)
+    return picture
+
+
+def encoded(photo: Photo) -> Image:
+    """(h, w, 3) uint8 sRGB of a photo, its own copy."""
+    if photo.encoding == "srgb":
+        return photo.pixels.astype(np.uint8)
+    return np.round(srgb_from_linear(photo.pixels) * 255).astype(np.uint8)
+
+
+def viewpoints(mesh: Mesh, cameras: Sequence[Camera]) -> list[Camera]:
+    """Cameras around the mesh, the first from where the photos were taken on average.
+
+    Upward in the views is upward in the photos.
+    """
+    center, distance = mesh.center, 1.1 * mesh.diagonal
+    ups = [-camera.pose.R[1] for camera in cameras]
+    backs = [_unit(camera.center - center) for camera in cameras]
+    up = _unit(np.mean(ups, axis=0)) if cameras else np.array([0.0, 0, 1])
+    back = np.mean(backs, axis=0) if cameras else np.array([0.0, -1, 0.3])
+    back = _unit(back) if np.linalg.norm(back) > 0.2 else _unit(backs[0])
+    width, height = VIEW_SIZE
+    focal = 1.1 * width
+    lens = Intrinsics(width, height, focal, focal, width / 2, height / 2)
+    views = []
+    for angle_deg in VIEW_ANGLES_DEG:
+        turn = cv2.Rodrigues(up * np.radians(angle_deg))[0]
+        views.append(Camera(lens, Pose.look_at(center + distance * turn @ back, center, up)))
+    return views
+
+
+def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    return vector / max(float(np.linalg.norm(vector)), 1e-12)

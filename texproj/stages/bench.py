@@ -1,0 +1,71 @@
+"""The workbench: what several stages need of the mesh, made once and only when asked for."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from functools import cached_property
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.camera import Camera
+from texproj.mesh import Mesh, MeshSource
+from texproj.project import Project
+from texproj.render import GBuffer, Renderer, Scene, ambient_occlusion, open_renderer
+
+REGISTRATION_CHANNELS = ("depth", "normal", "ao")
+
+
+class Workbench:
+    """Mesh, renderer and scene of a project; a context manager that releases them."""
+
+    def __init__(self, project: Project) -> None:
+        self.project = project
+        self._open = ExitStack()
+
+    def __enter__(self) -> Workbench:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._open.close()
+
+    @cached_property
+    def source(self) -> MeshSource:
+        """The repaired mesh and how it maps to the file."""
+        return self.project.load_mesh()
+
+    @property
+    def mesh(self) -> Mesh:
+        return self.source.mesh
+
+    @cached_property
+    def renderer(self) -> Renderer:
+        """OpenGL or the ray caster, as the settings say."""
+        options = self.project.settings.options("render")
+        return self._open.enter_context(open_renderer(options))
+
+    @cached_property
+    def occlusion(self) -> NDArray[np.float32]:
+        """(V,) ambient occlusion of the mesh, kept in work/ between runs."""
+        key = f"occlusion-{self.project.hash_of(self.project.mesh_path)}"
+        known = self.project.load_array(key)
+        if known is not None and known.shape == (len(self.mesh.vertices),):
+            return known
+        values = ambient_occlusion(self.mesh)
+        self.project.save_array(key, values)
+        return values
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The mesh with its ambient occlusion, ready to be rendered."""
+        return self.renderer.load(self.mesh, self.occlusion)
+
+    def render(self, camera: Camera) -> GBuffer:
+        """Depth, normals and ambient occlusion from `camera`."""
+        return self.scene.gbuffer(camera, REGISTRATION_CHANNELS)

@@ -1,0 +1,162 @@
+"""Stage `color`: the registered photos on the surface, written as a model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from texproj.camera import Camera
+from texproj.color.texture import color_texture
+from texproj.color.vertices import color_vertices
+from texproj.errors import InputError, nearest_name
+from texproj.files import json_hash, staging
+from texproj.formats.cameras import entry_of_record
+from texproj.photo import Photo
+from texproj.project import Project
+from texproj.records import CameraRecord
+from texproj.stages.bench import Workbench
+from texproj.stages.freshness import (
+    Freshness,
+    Inputs,
+    changed_inputs,
+    file_inputs,
+    options_inputs,
+)
+from texproj.stages.progress import Progress, silent
+from texproj.stages.writing import write_texture, write_vertices
+
+STAGE = "color"
+VERSION = 1
+SECTIONS = ("color", "unwrap", "render")
+
+
+@dataclass(frozen=True, eq=False)
+class ColorOutcome:
+    """What was written, from which photos, and which could not be used and why.
+
+    kept: nothing had changed since the last run, so nothing was done.
+    """
+
+    files: tuple[str, ...]
+    used: tuple[str, ...]
+    failed: dict[str, str]
+    quality: dict[str, Any]
+    kept: bool
+
+
+def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome:
+    """Color the mesh from all registered photos and write the model to out/.
+
+    A photo that cannot be read is left out and named in `failed`. Raises InputError if none is
+    left, OutputError if out/ cannot be written; the old model stays then.
+    """
+    project = bench.project
+    record = project.load_record(STAGE)
+    if record is not None and color_freshness(project).fresh:
+        return _outcome(record, kept=True)
+    inputs = _inputs(project)
+    cameras, failed = usable_cameras(project)
+    photos = _Photos(project, list(cameras), failed)
+    quality, files = _make(bench, list(cameras.values()), photos, progress)
+    if len(failed) and not set(cameras) - set(failed):
+        raise InputError(f"no photo could be read: {'; '.join(failed.values())}")
+    record = {
+        "inputs": inputs,
+        "outputs": {name: project.hash_of(project.out / name) for name in files},
+        "used": [name for name in cameras if name not in failed],
+        "failed": failed,
+        "quality": quality,
+    }
+    project.save_record(STAGE, None, record)
+    project.save_hashes()
+    return _outcome(record, kept=False)
+
+
+def color_freshness(project: Project) -> Freshness:
+    """Whether the model in out/ is what the project's inputs give."""
+    record = project.load_record(STAGE)
+    reason = changed_inputs(record, _inputs(project))
+    if record is not None and not reason:
+        written = record.get("outputs", {})
+        gone = [n for n, known in written.items() if project.hash_of(project.out / n) != known]
+        reason = f"{', '.join(gone)} changed or missing in {project.out}" if gone else ""
+    return Freshness(STAGE, project.settings.options("color").to, not reason, reason)
+
+
+def usable_cameras(project: Project) -> tuple[dict[str, Camera], dict[str, str]]:
+    """The cameras that color can use by photo name, and why others that claim one cannot.
+
+    Raises InputError if no photo is registered.
+    """
+    cameras, failed = {}, {}
+    for name, record in project.load_cameras().items():
+        if record.registered_camera is None:
+            continue
+        if name not in project.photo_paths:
+            failed[name] = (
+                f"{project.cameras_path} names {name!r}, which is not in "
+                f"{project.root / project.settings.photos}{nearest_name(name, project.photo_paths)}"
+            )
+            continue
+        cameras[name] = record.registered_camera
+    if not cameras:
+        hint = f"run `texproj register {project.root}` first"
+        raise InputError(f"no photo of {project.root} is registered; {hint}")
+    return cameras, failed
+
+
+class _Photos:
+    """Loads photos by index; one that cannot be read is None and is noted in `failed`."""
+
+    def __init__(self, project: Project, names: list[str], failed: dict[str, str]) -> None:
+        self._project, self._names, self._failed = project, names, failed
+
+    def __call__(self, index: int) -> Photo | None:
+        name = self._names[index]
+        try:
+            return self._project.load_photo(name)
+        except InputError as error:
+            self._failed[name] = str(error)
+            return None
+
+
+def _make(
+    bench: Workbench, cameras: list[Camera], photos: _Photos, progress: Progress
+) -> tuple[dict[str, Any], tuple[str, ...]]:
+    settings = bench.project.settings
+    options = settings.options("color")
+
+    def tell(done: int, total: int) -> None:
+        progress(STAGE, done, total, "")
+
+    if options.to == "vertices":
+        colors = color_vertices(bench.mesh, cameras, photos, bench.renderer, options, tell)
+        with staging(bench.project.out) as folder:
+            return colors.quality, write_vertices(folder, bench.source, colors)
+    unwrap = settings.options("unwrap")
+    texture = color_texture(bench.mesh, cameras, photos, bench.renderer, options, unwrap, tell)
+    with staging(bench.project.out) as folder:
+        return texture.quality, write_texture(folder, bench.source, texture)
+
+
+def _inputs(project: Project) -> Inputs:
+    records = {n: r for n, r in project.load_cameras().items() if n in project.photo_paths}
+    return {
+        **options_inputs(project, VERSION, *SECTIONS),
+        **file_inputs(project, mesh=project.mesh_path),
+        **{k: v for n, r in records.items() for k, v in _photo_inputs(project, n, r).items()},
+    }
+
+
+def _photo_inputs(project: Project, name: str, record: CameraRecord) -> Inputs:
+    if record.registered_camera is None:
+        return {}
+    entry = entry_of_record(record)
+    camera = {key: entry[key] for key in ("width", "height", "K", "dist", "R", "t")}
+    files = {name: project.photo_path(name), f"mask of {name}": project.mask_path(name)}
+    return {**file_inputs(project, **files), f"camera of {name}": json_hash(camera)}
+
+
+def _outcome(record: dict[str, Any], kept: bool) -> ColorOutcome:
+    files = tuple(record["outputs"])
+    return ColorOutcome(files, tuple(record["used"]), record["failed"], record["quality"], kept)

@@ -1,0 +1,49 @@
+"""What a result was made from, and whether that is still what is there.
+
+A record holds the hash of each input by name, so that a stale result can say which one changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from texproj.files import json_hash
+from texproj.project import Project
+
+Inputs = dict[str, str]
+"""Hashes of a result's inputs by the name under which a person knows them."""
+
+
+@dataclass(frozen=True)
+class Freshness:
+    """Whether one item of a stage is up to date; `reason` says what changed if it is not."""
+
+    stage: str
+    item: str
+    fresh: bool
+    reason: str = ""
+
+
+def options_inputs(project: Project, version: int, *sections: str) -> Inputs:
+    """The settings of the named sections as inputs, one each, and the version of the method."""
+    hashes = {f"[{s}] settings": json_hash(asdict(project.settings.options(s))) for s in sections}
+    return {"method": str(version), **hashes}
+
+
+def file_inputs(project: Project, **paths: Any) -> Inputs:
+    """The contents of files as inputs; a file that is not there is an input too."""
+    return {name: project.hash_of(path) or "none" for name, path in paths.items()}
+
+
+def changed_inputs(record: Mapping[str, Any] | None, inputs: Inputs) -> str:
+    """Which inputs differ from those of a record; empty if none does."""
+    if record is None:
+        return "not made yet"
+    before = record.get("inputs", {})
+    changed = [name for name in inputs if name in before and before[name] != inputs[name]]
+    added = [f"{name} is new" for name in inputs if name not in before]
+    gone = [f"{name} is gone" for name in before if name not in inputs]
+    changed_words = [f"{', '.join(changed)} changed"] if changed else []
+    return "; ".join([*changed_words, *added, *gone])

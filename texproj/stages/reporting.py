@@ -1,0 +1,155 @@
+"""Stage `report`: what happened, as out/report.json and out/report.html."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from texproj import __version__
+from texproj.errors import InputError
+from texproj.files import json_hash, staging
+from texproj.project import Project
+from texproj.records import CameraRecord
+from texproj.report.page import data_url, page
+from texproj.report.pictures import (
+    OVERLAY_LONGEST,
+    RESIDUAL_MAGNIFICATION,
+    draw_picks,
+    encoded,
+    overlay,
+    viewpoints,
+)
+from texproj.stages.bench import Workbench
+from texproj.stages.coloring import STAGE as COLOR
+from texproj.stages.freshness import Freshness, Inputs, changed_inputs, file_inputs
+from texproj.stages.progress import Progress, silent
+
+STAGE = "report"
+VERSION = 1
+HTML, JSON = "report.html", "report.json"
+
+
+@dataclass(frozen=True)
+class ReportOutcome:
+    """The files that were written: the page first, then the numbers."""
+
+    files: tuple[Path, Path]
+
+
+def report_project(bench: Workbench, progress: Progress = silent) -> ReportOutcome:
+    """Write the report of the project as it stands. Raises InputError, OutputError."""
+    project = bench.project
+    records = project.load_cameras()
+    facts = _facts(bench, records)
+    overlays = {}
+    names = project.photo_names
+    for done, name in enumerate(names):
+        progress(STAGE, done, len(names), name)
+        picture = _overlay(bench, name, records.get(name))
+        if picture is not None:
+            overlays[name] = picture
+    html = page(facts, overlays, _views(bench, records))
+    with staging(project.out) as folder:
+        (folder / HTML).write_text(html, encoding="utf-8")
+        (folder / JSON).write_text(json.dumps(facts, indent=1, default=str), encoding="utf-8")
+    progress(STAGE, len(names), len(names), "")
+    project.save_record(STAGE, None, {"inputs": _inputs(project)})
+    return ReportOutcome((project.out / HTML, project.out / JSON))
+
+
+def report_freshness(project: Project) -> Freshness:
+    """Whether the report tells of the project as it stands."""
+    reason = changed_inputs(project.load_record(STAGE), _inputs(project))
+    if not reason and not (project.out / HTML).is_file():
+        reason = f"{HTML} is missing"
+    return Freshness(STAGE, HTML, not reason, reason)
+
+
+def _inputs(project: Project) -> Inputs:
+    color = json_hash(project.load_record(COLOR))
+    files = file_inputs(project, mesh=project.mesh_path, cameras=project.cameras_path)
+    return {"method": str(VERSION), "model": color, **files}
+
+
+def _facts(bench: Workbench, records: dict[str, CameraRecord]) -> dict[str, Any]:
+    project, source = bench.project, bench.source
+    photos = [_photo_facts(project, name, records.get(name)) for name in project.photo_names]
+    color = project.load_record(COLOR)
+    renderer = bench.renderer
+    return {
+        "format": "texproj-report",
+        "version": VERSION,
+        "texproj": __version__,
+        "project": project.root.resolve().name,
+        "made": datetime.now(UTC).isoformat(timespec="seconds"),
+        "renderer": {"name": renderer.name, "fallback_reason": renderer.fallback_reason},
+        "residual_magnification": RESIDUAL_MAGNIFICATION,
+        "summary": {
+            "photos": len(photos),
+            "registered": sum(p["status"] == "registered" for p in photos),
+            "failed": sum(p["status"] == "failed" for p in photos),
+        },
+        "mesh": {
+            "file": project.mesh_path.name,
+            "vertices": len(source.mesh.vertices),
+            "faces": len(source.mesh.faces),
+            "repairs": source.repairs,
+        },
+        "photos": photos,
+        "color": color and {**color, "files": list(color["outputs"])},
+    }
+
+
+def _photo_facts(project: Project, name: str, record: CameraRecord | None) -> dict[str, Any]:
+    try:
+        notes = list(project.photo_info(name).notes)
+    except InputError as error:
+        notes = [str(error)]
+    if record is None:
+        return _facts_of(name, "failed", None, "not registered yet", {}, notes)
+    reason = record.quality.get("reason") or ""
+    return _facts_of(name, record.status, record.method, reason, record.quality, notes)
+
+
+def _facts_of(
+    name: str, status: str, method: str | None, reason: str, quality: dict[str, Any], notes: list[str]
+) -> dict[str, Any]:
+    return {
+        "file": name,
+        "status": status,
+        "method": method,
+        "reason": reason,
+        "quality": quality,
+        "notes": notes,
+    }
+
+
+def _overlay(bench: Workbench, name: str, record: CameraRecord | None) -> str | None:
+    """The photo with the mesh's edges and its picks; None if it cannot be read."""
+    try:
+        photo = bench.project.load_photo(name, OVERLAY_LONGEST)
+        picks = bench.project.load_correspondences(name)
+    except InputError:  # the registration has reported it
+        return None
+    camera = record.registered_camera if record else None
+    if record is None or camera is None:
+        return data_url(encoded(photo))
+    small = camera.resized(photo.width, photo.height)
+    picture = overlay(photo, bench.plain_scene.gbuffer(small, ("depth", "normal")))
+    if picks is not None:
+        outliers = [p["name"] for p in record.quality.get("picks", []) if p["outlier"]]
+        picture = draw_picks(picture, camera, picks, outliers)
+    return data_url(picture)
+
+
+def _views(bench: Workbench, records: dict[str, CameraRecord]) -> list[str]:
+    """The colored model from three sides; none if there is no model yet."""
+    cameras = [c for r in records.values() if (c := r.registered_camera) is not None]
+    model = bench.model
+    if model is None:
+        return []
+    views = viewpoints(bench.mesh, cameras)
+    return [data_url(bench.renderer.picture(model, view)) for view in views]
