@@ -1,0 +1,235 @@
+"""Damped least squares (Levenberg-Marquardt) that knows nothing of cameras.
+
+A problem gives residual, jacobian, step and prior; robust losses act on the length of each
+residual row by iterative reweighting. The variable is any value that `step` can move.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Generic, Literal, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+Array = NDArray[np.float64]
+X = TypeVar("X")
+Stop = Literal["gradient", "step", "cost", "stuck", "iterations"]
+
+
+class Problem(Protocol[X]):
+    """What the solver asks of a problem; residuals are divided by their standard deviation."""
+
+    def residual(self, x: X) -> Array:
+        """(n, d) residual rows; a row that cannot be computed is NaN."""
+
+    def jacobian(self, x: X) -> Any:
+        """(n, d, p) float64 derivative of the residual by `step`'s delta, or a
+        (n * d, p) scipy.sparse matrix."""
+
+    def step(self, x: X, delta: Array) -> X:
+        """A new x, moved by `delta` (p,)."""
+
+    def prior(self, x: X) -> tuple[Array, Array]:
+        """((q,) residuals, (q, p) jacobian) of what is known beforehand; never reweighted."""
+
+
+@dataclass(frozen=True)
+class Loss:
+    """A robust loss rho of the squared length s of a whitened residual row, rho'(0) = 1.
+
+    huber: quadratic up to `scale`, then linear (Huber 1964); cauchy: scale^2 log(1 + s/scale^2);
+    truncated: quadratic up to `scale`, then constant.
+    """
+
+    kind: Literal["l2", "huber", "cauchy", "truncated"] = "l2"
+    scale: float = 1.0
+
+    def cost(self, s: Array) -> Array:
+        """(n,) rho(s)."""
+        c2 = self.scale**2
+        if self.kind == "huber":
+            return np.where(s <= c2, s, 2 * self.scale * np.sqrt(s) - c2)
+        if self.kind == "cauchy":
+            return c2 * np.log1p(s / c2)
+        return np.minimum(s, c2) if self.kind == "truncated" else s
+
+    def weight(self, s: Array) -> Array:
+        """(n,) rho'(s): the weight of the squared residual."""
+        c2 = self.scale**2
+        if self.kind == "huber":
+            return self.scale / np.sqrt(np.maximum(s, c2))
+        if self.kind == "cauchy":
+            return 1 / (1 + s / c2)
+        return (s <= c2).astype(float) if self.kind == "truncated" else np.ones_like(s)
+
+    def curvature(self, s: Array) -> Array:
+        """(n,) s rho''(s): how the weight falls as the residual grows."""
+        c2 = self.scale**2
+        if self.kind == "huber":
+            return np.where(s <= c2, 0, -0.5 * self.weight(s))
+        if self.kind == "cauchy":
+            weight = self.weight(s)
+            return -weight * (1 - weight)
+        return np.zeros_like(s)
+
+
+@dataclass(frozen=True)
+class LmOptions:
+    """When to stop. Tolerances are relative to the cost; damping is relative to the diagonal."""
+
+    max_iterations: int = 100
+    cost_tolerance: float = 1e-12
+    step_tolerance: float = 1e-12
+    damping: float = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class LmFit(Generic[X]):
+    """x: the minimum; cost: sum of robust costs and squared priors; weights: (n,) of the rows;
+    residual: (n, d) there; data_hessian, prior_hessian: (p, p) Gauss-Newton J'WJ, dense or
+    sparse; scatter2: estimated variance factor of the residuals (1 = as whitened).
+    """
+
+    x: X
+    initial_cost: float
+    cost: float
+    iterations: int
+    stop: Stop
+    residual: Array
+    weights: Array
+    data_hessian: Any
+    prior_hessian: Any
+    scatter2: float
+
+    def covariance(self, scatter2: float | None = None) -> Array:
+        """(p, p) covariance of the delta at x; infinite where the data say nothing.
+
+        scatter2: the variance factor if known better than from the residuals of this fit.
+        """
+        factor = self.scatter2 if scatter2 is None else scatter2
+        hessian = self.data_hessian / max(factor, 1e-300) + self.prior_hessian
+        dense = hessian.toarray() if _is_sparse(hessian) else hessian
+        scale = np.sqrt(np.maximum(np.diag(dense), 1e-300))
+        values, vectors = np.linalg.eigh(dense / np.outer(scale, scale))
+        if values[0] < 1e-14 * len(values):
+            return np.full_like(dense, np.inf)
+        return (vectors / values) @ vectors.T / np.outer(scale, scale)
+
+
+def minimize(
+    problem: Problem[X], start: X, loss: Loss = Loss(), options: LmOptions = LmOptions()
+) -> LmFit[X]:
+    """The local minimum of sum rho(|r_i|^2) + |prior|^2 that is downhill from `start`.
+
+    Marquardt damping with Nielsen's update ("Damping parameter in Marquardt's method", 1999).
+    """
+    here = _Linearized.at(problem, start, loss)
+    initial_cost, damping, growth = here.cost, options.damping, 2.0
+    stop: Stop = "iterations"
+    iterations = 0
+    while iterations < options.max_iterations:
+        iterations += 1
+        delta = here.damped_step(damping)
+        if not np.isfinite(delta).all():
+            damping, growth = damping * growth, growth * 2
+            continue
+        trial = problem.step(here.x, delta)
+        cost = _cost(problem, trial, loss)
+        predicted = here.predicted_gain(delta)
+        if predicted <= options.cost_tolerance * here.cost:
+            stop = "gradient"
+            break
+        if not cost < here.cost:
+            damping, growth = damping * growth, growth * 2
+            if damping > 1e16:
+                stop = "stuck"
+                break
+            continue
+        gain = (here.cost - cost) / predicted
+        small = here.cost - cost <= options.cost_tolerance * here.cost
+        here = _Linearized.at(problem, trial, loss)
+        damping = max(damping * max(1 / 3, 1 - (2 * gain - 1) ** 3), 1e-15)
+        growth = 2.0
+        if small:
+            stop = "cost"
+            break
+    return here.fit(initial_cost, iterations, stop, loss)
+
+
+@dataclass(frozen=True, eq=False)
+class _Linearized(Generic[X]):
+    """The weighted Gauss-Newton model of the problem around x."""
+
+    x: X
+    cost: float
+    residual: Array
+    weights: Array
+    data_hessian: Any
+    prior_hessian: Any
+    gradient: Array
+
+    @classmethod
+    def at(cls, problem: Problem[X], x: X, loss: Loss) -> _Linearized[X]:
+        residual = problem.residual(x)
+        s = _squared_length(residual)
+        known = np.isfinite(s)
+        weights = np.where(known, loss.weight(np.where(known, s, 0)), 0)
+        clean = np.where(known[:, None], residual, 0)
+        jacobian = problem.jacobian(x)
+        if not _is_sparse(jacobian):
+            jacobian = np.where(known[:, None, None], jacobian, 0).reshape(residual.size, -1)
+        row_weights = np.repeat(weights, residual.shape[1])
+        weighted = jacobian.T.multiply(row_weights) if _is_sparse(jacobian) else (
+            jacobian.T * row_weights
+        )  # fmt: skip
+        prior, prior_jacobian = problem.prior(x)
+        prior_hessian = prior_jacobian.T @ prior_jacobian
+        gradient = weighted @ clean.ravel() + prior_jacobian.T @ prior
+        cost = float(loss.cost(s).sum() + prior @ prior)
+        return cls(x, cost, residual, weights, weighted @ jacobian, prior_hessian, gradient)
+
+    def damped_step(self, damping: float) -> Array:
+        hessian = self.data_hessian + self.prior_hessian
+        if _is_sparse(hessian):
+            diagonal = hessian.diagonal()
+            hessian = hessian + sparse.diags(damping * np.maximum(diagonal, 1e-300))
+            return splu(sparse.csc_matrix(hessian)).solve(-self.gradient)
+        scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+        scaled = hessian / np.outer(scale, scale) + damping * np.eye(len(scale))
+        try:
+            return np.linalg.solve(scaled, -self.gradient / scale) / scale
+        except np.linalg.LinAlgError:
+            return np.full_like(scale, np.nan)
+
+    def predicted_gain(self, delta: Array) -> float:
+        hessian = self.data_hessian + self.prior_hessian
+        return float(-2 * delta @ self.gradient - delta @ (hessian @ delta))
+
+    def fit(self, initial_cost: float, iterations: int, stop: Stop, loss: Loss) -> LmFit[X]:
+        s, d = _squared_length(self.residual), self.residual.shape[1]
+        s = s[np.isfinite(s)]
+        freedom = max(self.residual.size - len(self.gradient), 1)
+        psi2 = float((loss.weight(s) ** 2 * s).sum()) / freedom
+        slope = float((loss.weight(s) + 2 / d * loss.curvature(s)).sum()) / len(self.residual)
+        scatter2 = psi2 * float(self.weights.mean()) / max(slope, 1e-3) ** 2
+        return LmFit(
+            self.x, initial_cost, self.cost, iterations, stop, self.residual, self.weights,
+            self.data_hessian, self.prior_hessian, scatter2,
+        )  # fmt: skip
+
+
+def _is_sparse(matrix: Any) -> bool:
+    return bool(sparse.issparse(matrix))
+
+
+def _squared_length(residual: Array) -> Array:
+    s = (residual**2).sum(axis=1)
+    return np.where(np.isfinite(s), s, np.inf)
+
+
+def _cost(problem: Problem[X], x: X, loss: Loss) -> float:
+    prior = problem.prior(x)[0]
+    return float(loss.cost(_squared_length(problem.residual(x))).sum() + prior @ prior)
