@@ -1,0 +1,122 @@
+"""A photo and a renderer brought to the same scales and compared patch by patch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.camera import Camera
+from texproj.photo import Photo
+from texproj.render.gbuffer import GBuffer
+from texproj.solve.matching import PatchMatches, match_patches, patch_grid
+from texproj.solve.orientation import Field, photo_field, render_field
+
+Array = NDArray[np.float64]
+Render = Callable[[Camera], GBuffer]
+
+FINE, MIDDLE, COARSE = 0, 1, 2
+"""Levels: the working size, a half and a quarter of it."""
+RIM_PX = 3
+"""Pixels along the mesh's outline that are left out: what lies behind is not in the mesh."""
+
+
+@dataclass(frozen=True)
+class PatchRule:
+    """Which patches are sought where: square of `size_px` every `step_px`, within +-`radius_px`,
+    at most `peaks` answers each; all in pixels of `level`.
+    """
+
+    level: int
+    size_px: int
+    step_px: int
+    radius_px: int
+    peaks: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """What one comparison of photo and rendering gave, in pixels of its level.
+
+    camera: at the level's size; patches: how many were sought; matches: what was found;
+    xyz_in_world: (n, 3) surface points under the patch centers, one per match.
+    grid_px: (patches, 2) centers of all patches sought.
+    """
+
+    camera: Camera
+    grid_px: Array
+    matches: PatchMatches
+    xyz_in_world: Array
+
+    @property
+    def patches(self) -> int:
+        return len(self.grid_px)
+
+    @property
+    def offset_px(self) -> Array:
+        """(n, 2) found minus predicted position, pixels of the level."""
+        return self.matches.target_px - self.matches.source_px
+
+
+@dataclass(frozen=True, eq=False)
+class StructureView:
+    """A photo's orientation fields at three sizes, and the renderer to compare them with.
+
+    fields: finest first; render: gives depth, normal and ambient occlusion for a camera.
+    """
+
+    fields: tuple[Field, ...]
+    render: Render
+
+    @classmethod
+    def of(cls, photo: Photo, render: Render, working_px: int) -> StructureView:
+        """`working_px`: longest side of the finest level; a smaller photo is taken as it is."""
+        size = min(working_px, max(photo.width, photo.height))
+        return cls(tuple(_field(photo, size / 2**k) for k in range(3)), render)
+
+    def camera_at(self, camera: Camera, level: int) -> Camera:
+        height, width = self.fields[level].shape
+        return camera.resized(width, height)
+
+    def rendering(self, camera: Camera, level: int) -> tuple[GBuffer, Field, NDArray[np.bool_]]:
+        """What `camera` sees at `level`: images, orientation field, and where it counts."""
+        images = self.render(self.camera_at(camera, level))
+        valid = _solid(images, max(1, RIM_PX >> level))
+        assert images.normal_in_cam is not None and images.ao is not None
+        channels = [np.ascontiguousarray(images.normal_in_cam[..., k]) for k in range(3)]
+        return images, render_field([*channels, images.ao], valid), valid
+
+    def observe(self, camera: Camera, rule: PatchRule) -> Observation:
+        """Match the patches of a rendering from `camera` (any size) to the photo."""
+        images, field, valid = self.rendering(camera, rule.level)
+        centers = patch_grid(valid, rule.size_px, rule.step_px)
+        photo = self.fields[rule.level]
+        matches = match_patches(field, photo, centers, rule.size_px, rule.radius_px, rule.peaks)
+        x, y = centers[matches.patch].T
+        assert images.depth is not None
+        here = self.camera_at(camera, rule.level)
+        xyz = here.unproject(matches.source_px, images.depth[y, x])
+        grid = centers.astype(np.float64) + 0.5
+        return Observation(here, grid, matches, xyz)
+
+
+def _field(photo: Photo, longest_px: float) -> Field:
+    factor = longest_px / max(photo.width, photo.height)
+    if factor < 1:
+        photo = photo.resized(round(photo.width * factor), round(photo.height * factor))
+    return photo_field(photo.gray(), None if photo.mask is None else photo.mask > 0)
+
+
+def _solid(images: GBuffer, rim_px: int) -> NDArray[np.bool_]:
+    """Where the mesh's outside is seen, `rim_px` away from where it is not."""
+    assert images.depth is not None
+    solid = np.isfinite(images.depth)
+    if images.front is not None:
+        solid &= images.front
+    # what reaches beyond the picture is not a rim
+    kernel = np.ones((2 * rim_px + 1,) * 2, np.uint8)
+    border = {"borderType": cv2.BORDER_CONSTANT, "borderValue": 1}
+    return cv2.erode(solid.astype(np.uint8), kernel, **border) > 0

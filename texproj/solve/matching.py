@@ -1,0 +1,165 @@
+"""Patch matching between two orientation fields by normalized correlation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+from texproj.solve.orientation import Field
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+BATCH = 64
+"""Patches transformed at once: bounds the memory at ~20 MB."""
+
+
+@dataclass(frozen=True, eq=False)
+class PatchMatches:
+    """Where patches of a template were found in an image.
+
+    patch: (n,) number of the patch, several matches may share one; source_px: (n, 2) centers in
+    the template; target_px: (n, 2) where found in the image; both continuous coordinates.
+    score: (n,) normalized correlation in -1..1; rank: (n,) 0 for a patch's best match.
+    """
+
+    patch: Index
+    source_px: Array
+    target_px: Array
+    score: Array
+    rank: Index
+
+    def __len__(self) -> int:
+        return len(self.patch)
+
+
+def patch_grid(valid: NDArray[np.bool_], size: int, step: int, filled: float = 0.7) -> Index:
+    """(n, 2) x, y of the pixels on a regular grid around which a `size` square is `filled`.
+
+    The pixel itself must be valid too: it is what the match is about.
+    """
+    share = cv2.blur(valid.astype(np.float32), (size, size), borderType=cv2.BORDER_CONSTANT)
+    h, w = valid.shape
+    x, y = np.meshgrid(_axis(w, step), _axis(h, step))
+    keep = (share[y, x] >= filled) & valid[y, x]
+    return np.stack([x[keep], y[keep]], axis=1)
+
+
+def match_patches(
+    template: Field, image: Field, centers: Index, size: int, radius: int, peaks: int = 1
+) -> PatchMatches:
+    """Find `size` square patches of `template` around `centers` (n, 2) within +-`radius` pixels
+    of the same place in `image`.
+
+    Correlation maxima on the rim of the search window are not maxima and are dropped, so a
+    patch may yield no match; at most `peaks` each. Sub-pixel by a parabola along each axis.
+    """
+    half = size // 2
+    pad = half + radius
+    big_t = np.pad(template, half)
+    big_i = np.pad(image, pad)
+    energy = cv2.boxFilter(
+        np.abs(big_i) ** 2, -1, (size, size), normalize=False, borderType=cv2.BORDER_CONSTANT
+    )
+    parts = [
+        _match_batch(big_t, big_i, energy, centers[k : k + BATCH], (half, radius, peaks), k)
+        for k in range(0, len(centers), BATCH)
+    ]
+    return _joined(parts)
+
+
+def _match_batch(
+    template: Field,
+    image: Field,
+    energy: NDArray[np.float32],
+    centers: Index,
+    setting: tuple[int, int, int],
+    first: int,
+) -> PatchMatches:
+    half, radius, peaks = setting
+    size, span = 2 * half + 1, 2 * radius + 1
+    t = _windows(template, centers, size)
+    i = _windows(image, centers, size + 2 * radius)
+    # energy of the image patch shifted by d sits at the center of that patch
+    e = _windows(energy[half:, half:], centers, span)
+    n = fft.next_fast_len(size + 2 * radius)
+    spectrum = fft.fft2(i, (n, n)) * np.conj(fft.fft2(t, (n, n)))
+    correlation = fft.ifft2(spectrum)[:, :span, :span].real
+    own = (np.abs(t) ** 2).sum((1, 2))
+    score = correlation / np.sqrt(own[:, None, None] * e + 1e-6)
+    patch, shift, value, rank = _peaks(score, radius, peaks)
+    source = centers[patch].astype(np.float64) + 0.5
+    return PatchMatches(patch + first, source, source + shift, value, rank)
+
+
+def _windows(image: NDArray[Any], corners: Index, size: int) -> NDArray[Any]:
+    view = np.lib.stride_tricks.sliding_window_view(image, (size, size))
+    return view[corners[:, 1], corners[:, 0]]
+
+
+def _peaks(
+    score: NDArray[np.float32], radius: int, peaks: int
+) -> tuple[Index, Array, Array, Index]:
+    """Local maxima of (n, s, s) maps, at most `peaks` per map: patch, (m, 2) shift, score, rank.
+
+    A map that is highest on its rim gives none.
+    """
+    span = 2 * radius + 1
+    rows = np.arange(len(score))
+    top_y, top_x = np.divmod(score.reshape(len(score), -1).argmax(axis=1), span)
+    inside = (np.minimum(top_x, top_y) > 0) & (np.maximum(top_x, top_y) < span - 1)
+    value = np.where(_is_peak(score), score[:, 1:-1, 1:-1], -np.inf).reshape(len(score), -1)
+    out = []
+    for rank in range(peaks):
+        best = value.argmax(axis=1)
+        found = rows[inside & (value[rows, best] > 0)]
+        y, x = np.divmod(best[found], span - 2)
+        out.append(np.stack([found, y + 1, x + 1, np.full_like(found, rank)]))
+        value[rows, best] = -np.inf
+    patch, y, x, ranks = np.concatenate(out, axis=1)
+    middle = score[patch, y, x]
+    dx = x - radius + _parabola(score[patch, y, x - 1], middle, score[patch, y, x + 1])
+    dy = y - radius + _parabola(score[patch, y - 1, x], middle, score[patch, y + 1, x])
+    return patch, np.stack([dx, dy], axis=1), middle.astype(np.float64), ranks
+
+
+def _is_peak(score: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """(n, s - 2, s - 2) of (n, s, s): no neighbor is higher."""
+    n = score.shape[1]
+    core = score[:, 1:-1, 1:-1]
+    peak = np.ones(core.shape, np.bool_)
+    for y, x in product(range(3), range(3)):
+        peak &= core >= score[:, y : n - 2 + y, x : n - 2 + x]
+    return peak
+
+
+def _parabola(left: NDArray[Any], middle: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
+    """Offset in -0.5..0.5 of the maximum of the parabola through three equidistant values."""
+    curve = left - 2 * middle + right
+    return np.where(
+        curve < 0, np.clip(0.5 * (left - right) / np.minimum(curve, -1e-12), -0.5, 0.5), 0
+    )
+
+
+def _axis(length: int, step: int) -> Index:
+    """Grid positions with equal margins on both sides."""
+    return np.arange((length - 1) % step // 2, length, step)
+
+
+def _joined(parts: list[PatchMatches]) -> PatchMatches:
+    if not parts:
+        none = np.zeros(0, np.intp)
+        return PatchMatches(none, np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0), none)
+    return PatchMatches(
+        np.concatenate([p.patch for p in parts]),
+        np.concatenate([p.source_px for p in parts]),
+        np.concatenate([p.target_px for p in parts]),
+        np.concatenate([p.score for p in parts]),
+        np.concatenate([p.rank for p in parts]),
+    )
