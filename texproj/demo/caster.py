@@ -1,0 +1,60 @@
+"""Rays against a triangle mesh, on embree."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+from numpy.typing import NDArray
+
+from texproj.mesh import Mesh
+
+Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Hits:
+    """First hits of n rays.
+
+    found: (n,) bool; then one entry for each ray that hit: face (m,) int32,
+    uv (m, 2) float32 weights of the face's 2nd and 3rd vertex, distance (m,) float32.
+    """
+
+    found: NDArray[np.bool_]
+    face: NDArray[np.int32]
+    uv: Floats
+    distance: Floats
+
+
+class Caster:
+    """A mesh ready for rays. All coordinates are float32 relative to `origin`."""
+
+    def __init__(self, mesh: Mesh, origin: NDArray[np.float64]) -> None:
+        self.vertices = np.ascontiguousarray(mesh.vertices - origin, np.float32)
+        self.faces = np.ascontiguousarray(mesh.faces, np.int32)
+        self._scene = EmbreeScene(robust=True)
+        self._geometry = TriangleMesh(self._scene, self.vertices, self.faces)
+
+    def first_hits(self, origins: Floats, directions: Floats) -> Hits:
+        """What (n, 3) rays with unit directions meet first."""
+        out = self._scene.run(_c(origins), _c(directions), output=1)
+        found = out["geomID"] >= 0
+        uv = np.stack([out["u"][found], out["v"][found]], axis=1)
+        return Hits(found, out["primID"][found], uv, out["tfar"][found])
+
+    def blocked(self, origins: Floats, directions: Floats) -> NDArray[np.bool_]:
+        """(n,) whether a ray meets anything at all."""
+        return self._scene.run(_c(origins), _c(directions), query="OCCLUDED") >= 0
+
+    def at(self, hits: Hits, values: Floats) -> Floats:
+        """(m, c) per-vertex values (V, c) interpolated at the hits."""
+        corner = self.faces[hits.face]
+        u, v = hits.uv[:, :1], hits.uv[:, 1:]
+        a, b, c = (values[corner[:, k]] for k in range(3))
+        return a * (1 - u - v) + b * u + c * v
+
+
+def _c(array: Floats) -> Floats:
+    return np.ascontiguousarray(array, np.float32)

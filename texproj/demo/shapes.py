@@ -1,0 +1,62 @@
+"""Signed distances of simple solids (negative inside) and ways to join and carve them.
+
+All take (n, 3) float32 points and give (n,) float32 distances, exact or a lower bound of the
+exact one near the surface. Formulas: the usual ones of distance-field modelling (I. Quilez,
+"Distance functions"), written anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Points = NDArray[np.float32]
+Values = NDArray[np.float32]
+Field = Callable[[Points], Values]
+
+
+def box(xyz: Points, center: ArrayLike, half: ArrayLike, round_by: float = 0.0) -> Values:
+    """A box with edges rounded by a radius."""
+    q = np.abs(xyz - np.asarray(center, np.float32)) - np.asarray(half, np.float32) + round_by
+    outside = np.sqrt((np.maximum(q, 0) ** 2).sum(1))
+    return outside + np.minimum(q.max(1), 0) - np.float32(round_by)
+
+
+def sphere(xyz: Points, center: ArrayLike, radius: float) -> Values:
+    """A ball."""
+    d = xyz - np.asarray(center, np.float32)
+    return np.sqrt((d * d).sum(1)) - np.float32(radius)
+
+
+def extruded(profile: Values, along: Values, half: float) -> Values:
+    """A plane figure given by its distances, extruded to +-half along the third axis."""
+    other = np.abs(along) - np.float32(half)
+    outside = np.hypot(np.maximum(profile, 0), np.maximum(other, 0))
+    return outside + np.minimum(np.maximum(profile, other), 0)
+
+
+def turned(radius: Values, height: Values, profile: ArrayLike) -> Values:
+    """A solid of revolution: profile is (k, 2) of height and radius, joined by lines.
+
+    radius: (n,) distance from the axis; height: (n,) along it. The slope of the profile
+    shortens the distance, so that the value stays a lower bound.
+    """
+    table = np.asarray(profile, float)
+    wanted = np.interp(height, table[:, 0], table[:, 1]).astype(np.float32)
+    ends = np.maximum(table[0, 0] - height, height - table[-1, 0])
+    return np.maximum((radius - wanted) * np.float32(0.7), ends).astype(np.float32)
+
+
+def join(a: Values, b: Values, blend: float = 0.0) -> Values:
+    """Union; the seam is filled over the distance `blend`."""
+    if not blend:
+        return np.minimum(a, b)
+    overlap = np.maximum(blend - np.abs(a - b), 0) / blend
+    return np.minimum(a, b) - overlap**2 * np.float32(blend / 4)
+
+
+def carve(a: Values, tool: Values, blend: float = 0.0) -> Values:
+    """What is left of `a` after cutting `tool` away; the cut's edge is worn over `blend`."""
+    return -join(-a, tool, blend)

@@ -1,0 +1,54 @@
+"""Somebody who walked into the picture."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float32]
+
+COAT, SKIN, HAIR = (0.30, 0.05, 0.06), (0.50, 0.30, 0.20), (0.05, 0.03, 0.02)
+
+
+def in_front(light: Floats, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    """The (h, w, 3) picture with a person seen from behind, cut by its lower edge, and the
+    (h, w) share of each pixel that the person hides.
+    """
+    h, w = light.shape[:2]
+    x = w * (0.36 + 0.06 * rng.random())
+    top = h * (0.42 + 0.04 * rng.random())
+    tall = h - top
+    parts = (
+        (COAT, (x, top + 0.95 * tall), (0.34 * tall, 0.72 * tall)),
+        (SKIN, (x, top + 0.26 * tall), (0.07 * tall, 0.12 * tall)),
+        (HAIR, (x, top + 0.13 * tall), (0.105 * tall, 0.14 * tall)),
+    )
+    hidden = np.zeros((h, w), np.float32)
+    cloth = _cloth(h, w, rng)
+    for color, center, half in parts:
+        share, shade = _body(h, w, center, half)
+        painted = np.asarray(color, np.float32) * (shade * cloth)[..., None]
+        light = light + share[..., None] * (painted - light)
+        hidden = np.maximum(hidden, share)
+    return light, hidden
+
+
+def _body(
+    h: int, w: int, center: tuple[float, float], half: tuple[float, float]
+) -> tuple[Floats, Floats]:
+    """Coverage with a soft edge, and round shading, of an upright ellipse."""
+    y, x = np.mgrid[:h, :w].astype(np.float32) + 0.5
+    u, v = (x - center[0]) / half[0], (y - center[1]) / half[1]
+    radius = np.sqrt(u * u + v * v)
+    share = np.clip((1 - radius) * half[0] / 2.5 + 0.5, 0, 1)
+    shade = 0.35 + 0.65 * np.sqrt(np.maximum(1 - radius**2, 0)) * np.clip(0.75 - 0.5 * u, 0, 1)
+    return share.astype(np.float32), shade.astype(np.float32)
+
+
+def _cloth(h: int, w: int, rng: np.random.Generator) -> Floats:
+    """(h, w) folds and weave around 1."""
+    folds = cv2.resize(rng.standard_normal((h // 40 + 2, w // 12 + 2), np.float32), (w, h),
+                       interpolation=cv2.INTER_CUBIC)  # fmt: skip
+    weave = rng.standard_normal((h, w), np.float32)
+    return np.clip(1 + 0.14 * folds + 0.03 * weave, 0.3, 2).astype(np.float32)
