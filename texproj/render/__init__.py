@@ -2,5 +2,15 @@
 
 from texproj.render.context import open_renderer
 from texproj.render.gbuffer import CHANNELS, GBuffer
+from texproj.render.interface import Renderer, Scene
+from texproj.render.lens import ideal_grid, pinhole_cover
 
-__all__ = ["CHANNELS", "GBuffer", "open_renderer"]
+__all__ = [
+    "CHANNELS",
+    "GBuffer",
+    "Renderer",
+    "Scene",
+    "ideal_grid",
+    "open_renderer",
+    "pinhole_cover",
+]

@@ -44,10 +44,12 @@ class GBuffer:
         return {k.removesuffix("_in_cam"): v for k, v in found.items() if v is not None}
 
 
-def checked_channels(channels: Iterable[str]) -> tuple[str, ...]:
-    """`channels` without repetitions; ValueError for one that does not exist."""
+def checked_channels(channels: Iterable[str], has_ao: bool) -> tuple[str, ...]:
+    """`channels` without repetitions; ValueError for one that does not exist or has no source."""
     wanted = tuple(dict.fromkeys(channels))
     for name in wanted:
         if name not in CHANNELS:
-            raise ValueError(f"There is no channel {name!r}{nearest_name(name, CHANNELS)}")
+            raise ValueError(f"there is no channel {name!r}{nearest_name(name, CHANNELS)}")
+    if "ao" in wanted and not has_ao:
+        raise ValueError("the scene was loaded without ambient occlusion")
     return wanted

@@ -9,15 +9,16 @@ from __future__ import annotations
 import re
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
+import moderngl
 import numpy as np
 from numpy.typing import ArrayLike
 
 from texproj.errors import RenderError, nearest_name
 
-if TYPE_CHECKING:
-    import moderngl
+BINDINGS = {"Camera": 0, "Lens": 1}
+"""Binding point of each uniform block of `include/`."""
 
 KNOWN_FILE = "gbuffer.vert"
 """A folder counts as the shader folder only if it holds this file."""
@@ -88,13 +89,18 @@ class Program:
         self.names = frozenset(UNIFORM.findall(vertex_text + fragment_text))
         self.label = f"{vertex} + {fragment}"
         try:
-            self.gl = ctx.program(vertex_shader=vertex_text, fragment_shader=fragment_text)
-        except _compile_errors() as error:
-            failed = fragment_files if "fragment_shader" in str(error) else vertex_files
-            raise RenderError(_with_files(str(error), failed)) from None
-        for block, binding in (("Camera", 0),):
+            self.gl: Any = ctx.program(vertex_shader=vertex_text, fragment_shader=fragment_text)
+        except moderngl.Error as error:
+            files = fragment_files if "fragment_shader" in str(error) else vertex_files
+            raise RenderError(_with_files(str(error), files)) from None
+        for block, binding in BINDINGS.items():
             if block in self.gl:
-                self.gl[block].binding = binding
+                member: Any = self.gl[block]
+                member.binding = binding
+
+    def release(self) -> None:
+        """Give the program back."""
+        self.gl.release()
 
     def set(self, **values: ArrayLike) -> None:
         """Set uniforms by name. A name that the text does not declare is an error; one that the
@@ -107,13 +113,6 @@ class Program:
             if name in self.gl:
                 array = np.asarray(value)
                 self.gl[name].value = array.item() if array.ndim == 0 else tuple(array.ravel())
-
-
-def _compile_errors() -> type[Exception]:
-    import moderngl  # noqa: PLC0415 - imported where a context exists already
-
-    error: type[Exception] = moderngl.Error
-    return error
 
 
 def _with_files(message: str, files: list[str]) -> str:
