@@ -109,11 +109,11 @@ def _turned(charts: Charts) -> Charts:
     """The charts turned to their smallest bounding boxes, lower left corners at the origin."""
     angles = np.arange(TURNS) * (np.pi / 2 / TURNS)
     size = np.stack(
-        [np.prod(_extent(_turn(charts, angle), charts.starts)[1], 1) for angle in angles]
+        [np.prod(extents(_turn(charts, angle), charts.starts)[1], 1) for angle in angles]
     )
     best = angles[size.argmin(axis=0)][charts.chart_of_uv]
     uv = _turn(charts, best)
-    low, _ = _extent(uv, charts.starts)
+    low, _ = extents(uv, charts.starts)
     uv = uv - low[charts.chart_of_uv]
     return Charts(
         uv,
@@ -131,6 +131,7 @@ def _turn(charts: Charts, angle: float | Floats) -> Floats:
     return np.stack([c * x - s * y, s * x + c * y], axis=1)
 
 
-def _extent(uv: Floats, starts: Ints) -> tuple[Floats, Floats]:
+def extents(uv: Floats, starts: Ints) -> tuple[Floats, Floats]:
+    """(n, 2) lower corner and (n, 2) size of each run of rows of uv (W, 2)."""
     low = np.minimum.reduceat(uv, starts)
     return low, np.maximum.reduceat(uv, starts) - low

@@ -132,7 +132,8 @@ class _Regions:
     def merged(self, into: Ints) -> _Regions:
         count = int(into.max()) + 1
         return _Regions(
-            sum_by_label(self.normals, into, count), np.bincount(into, self.area, count)
+            sum_by_label(self.normals, into, count),
+            sum_by_label(self.area[:, None], into, count)[:, 0],
         )
 
 
@@ -160,7 +161,7 @@ def _mutual_best(pairs: Ints, cost: Floats, count: int) -> Ints:
     first = np.full(count, 2**32)
     for side in pairs[rows].T:
         np.minimum.at(first, side, ticket)
-    return rows[(first[pairs[rows]].T == ticket).all(axis=0)]
+    return rows[(ticket == first[pairs[rows]].T).all(axis=0)]
 
 
 def _relabel(merging: Ints, count: int) -> Ints:

@@ -1,0 +1,147 @@
+"""Place charts on pages with xatlas, at the resolution of coarse cells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import xatlas
+from numpy.typing import NDArray
+
+from texproj.color.charts import Charts, extents
+from texproj.color.segmentation import Floats, Ints
+from texproj.errors import RenderError
+
+NARROW_CELLS = 2.0  # charts narrower than this are packed as rectangles
+SMALLEST_FACE = 1e-5  # square cells; xatlas leaves out faces below FLT_EPSILON and their charts
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """uv: (W, 2) float64 texels on the page of each chart; page_of_chart: (n,) int64;
+    page_sizes: (width, height) of each page.
+    """
+
+    uv: Floats
+    page_of_chart: Ints
+    page_sizes: tuple[tuple[int, int], ...]
+
+
+def pack(charts: Charts, padding_px: int, page_size: int) -> Placement:
+    """Places on pages of at most page_size, at least padding_px texels between charts.
+
+    charts: in texels, lower left corners at the origin, none longer than page_size - padding.
+    xatlas grows each chart to whole cells (of half a padding) and may mirror it.
+    """
+    cell = max(1, padding_px // 2)
+    gap = -(-padding_px // cell)
+    size = extents(charts.uv, charts.starts)[1] / cell
+    boxed = size.min(axis=1) < NARROW_CELLS
+    for _ in range(5):
+        proxy = _proxy(charts, cell, boxed)
+        placed = _run(proxy, gap, page_size // cell)
+        uv, page, failed = _transfer(charts, cell, proxy, placed)
+        if not failed.any():
+            return _finish(charts, uv * cell, page, gap * cell // 2)
+        boxed |= failed
+    raise RenderError("xatlas could not place all charts: lower the texture resolution")
+
+
+@dataclass(frozen=True, eq=False)
+class _Proxy:
+    """What xatlas packs: (P, 2) uv in cells, faces into them, chart of each row (ascending)."""
+
+    uv: Floats
+    faces: Ints
+    chart: Ints
+
+
+@dataclass(frozen=True, eq=False)
+class _Placed:
+    uv: Floats  # (P, 2) cells
+    page: Ints  # (P,)
+
+
+def _proxy(charts: Charts, cell: int, boxed: NDArray[np.bool_]) -> _Proxy:
+    """The faces that xatlas can see, and a rectangle for each narrow chart."""
+    uv = charts.uv / cell
+    a, b, c = uv[charts.faces].transpose(1, 0, 2)
+    area = 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+    seen = (area > SMALLEST_FACE) & ~boxed[charts.chart_of_face]
+    boxed = ~np.isin(np.arange(charts.count), charts.chart_of_face[seen])
+    rows, flat = np.unique(charts.faces[seen], return_inverse=True)
+    box = np.maximum(extents(uv, charts.starts)[1][boxed], NARROW_CELLS)
+    corners = box[:, None, :] * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    quad = len(rows) + 4 * np.arange(len(box))[:, None] + np.array([0, 1, 2, 0, 2, 3])
+    faces = np.concatenate([flat.reshape(-1, 3), quad.reshape(-1, 3)])
+    chart = np.concatenate([charts.chart_of_uv[rows], np.repeat(np.flatnonzero(boxed), 4)])
+    order = np.argsort(chart, kind="stable")
+    where = np.argsort(order)
+    return _Proxy(
+        np.concatenate([uv[rows], corners.reshape(-1, 2)])[order], where[faces], chart[order]
+    )
+
+
+def _run(proxy: _Proxy, gap: int, page_cells: int) -> _Placed:
+    """One page as small as xatlas makes it, or several of page_cells if that is too large."""
+    placed, width, height = _xatlas(proxy, gap, 0)
+    if max(width, height) + gap > page_cells:
+        placed, width, height = _xatlas(proxy, gap, page_cells - gap)
+    return placed
+
+
+def _xatlas(proxy: _Proxy, gap: int, resolution: int) -> tuple[_Placed, int, int]:
+    atlas = xatlas.Atlas()
+    atlas.add_uv_mesh(proxy.uv.astype(np.float32), proxy.faces.astype(np.uint32))
+    options = xatlas.PackOptions()
+    options.texels_per_unit = 1.0
+    options.resolution = resolution
+    options.padding = gap
+    options.bruteForce = False
+    options.rotate_charts_to_axis = False
+    atlas.generate(xatlas.ChartOptions(), options)
+    rows, _, uv = atlas.get_mesh(0)
+    page, _ = atlas.get_mesh_vertex_assignment(0)
+    back = np.empty(len(proxy.uv), np.int64)
+    back[rows] = np.arange(len(rows))
+    texels = uv.astype(np.float64) * [atlas.width, atlas.height]
+    placed = _Placed(texels[back], page.astype(np.int64)[back])
+    return placed, atlas.width, atlas.height
+
+
+def _transfer(
+    charts: Charts, cell: int, proxy: _Proxy, placed: _Placed
+) -> tuple[Floats, Ints, NDArray[np.bool_]]:
+    """All uv in cells under the map of each chart's proxy; page of each chart; which failed.
+
+    xatlas turns a chart by exchanging x and y, then stretches each side by less than a cell.
+    """
+    starts = np.searchsorted(proxy.chart, np.arange(charts.count))
+    low, size = extents(proxy.uv, starts)
+    new_low, new_size = extents(placed.uv, starts)
+    fits = []
+    for swap in (False, True):
+        order = [1, 0] if swap else [0, 1]
+        scale = new_size / size[:, order]
+        mapped = (proxy.uv - low[proxy.chart])[:, order] * scale[proxy.chart] + new_low[proxy.chart]
+        error = np.maximum.reduceat(np.abs(mapped - placed.uv).max(axis=1), starts)
+        growth = np.abs(new_size - size[:, order]).max(axis=1)
+        fits.append((error, growth, scale))
+    (e0, g0, s0), (e1, g1, s1) = fits
+    swapped = np.where(np.abs(e0 - e1) > 0.01, e1 < e0, g1 < g0)
+    scale = np.where(swapped[:, None], s1, s0)
+    growth, error = np.where(swapped, g1, g0), np.where(swapped, e1, e0)
+    uv = charts.uv / cell - low[charts.chart_of_uv]
+    uv = np.where(swapped[charts.chart_of_uv, None], uv[:, ::-1], uv)
+    uv = uv * scale[charts.chart_of_uv] + new_low[charts.chart_of_uv]
+    return uv, placed.page[starts], (error > 0.01) | (growth > 1.001)
+
+
+def _finish(charts: Charts, uv: Floats, page_of_chart: Ints, border: int) -> Placement:
+    page = page_of_chart[charts.chart_of_uv]
+    uv = uv + border
+    sizes = []
+    for number in range(int(page.max()) + 1):
+        width, height = np.ceil(uv[page == number].max(axis=0)).astype(int) + border
+        sizes.append((int(width), int(height)))
+    return Placement(uv, page_of_chart, tuple(sizes))
