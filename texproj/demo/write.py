@@ -18,12 +18,14 @@ from texproj.photo import srgb_from_linear
 
 
 def write_demo(
-    folder: Path, options: DemoOptions, progress: Callable[[str], None] = lambda _: None
+    folder: Path,
+    options: DemoOptions | None = None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> DemoProject:
     """Make the demo and write it as a project folder plus `truth/`: the true cameras, the true
     colors of the scan's vertices (albedo.ply, shaded.ply) and the piece's outline in each photo.
     """
-    demo = make_demo(options, progress)
+    demo = make_demo(options or DemoOptions(), progress)
     for name in ("mesh", "photos", "correspondences", "truth/masks"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     (folder / "mesh/scan.ply").write_bytes(_ply(demo.mesh))
