@@ -60,6 +60,27 @@ class MeshSource:
     repairs: dict[str, int]
 
 
+@dataclass(frozen=True, eq=False)
+class TexturedMesh:
+    """Triangles with a texture of one or several pages, as written to files.
+
+    vertices: (V, 3) float64; faces: (F, 3) int32 into vertices.
+    uv: (T, 2) float64 on the page of the face, 0..1, u right, v UP from the bottom of the page;
+    uv_faces: (F, 3) int32 into uv, corner by corner as faces.
+    page_of_face: (F,) int32 into pages, -1 = no texture.
+    pages: (h, w, 3 or 4) uint8 or uint16, sRGB-encoded, row 0 on top.
+    normals: (V, 3) unit vectors or None.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int32]
+    uv: NDArray[np.float64]
+    uv_faces: NDArray[np.int32]
+    page_of_face: NDArray[np.int32]
+    pages: tuple[NDArray[np.uint8] | NDArray[np.uint16], ...]
+    normals: NDArray[np.float64] | None = None
+
+
 def face_cross(vertices: ArrayLike, faces: ArrayLike) -> NDArray[np.float64]:
     """(F, 3) normals times twice the area of each face, counter-clockwise outside."""
     v = np.asarray(vertices, np.float64)

@@ -1,0 +1,61 @@
+"""Binary PLY with a color per vertex."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.formats.models.precision import single_is_enough
+
+PLY_TYPES = {"u1": "uchar", "u2": "ushort", "f4": "float", "f8": "double"}
+
+
+def write_ply(
+    path: Path,
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.int32],
+    colors: NDArray[np.uint8] | NDArray[np.uint16],
+    normals: NDArray[np.float64] | None = None,
+) -> None:
+    """Write a mesh with sRGB-encoded vertex colors, in the order given.
+
+    vertices: (V, 3), written as double where single precision would move them; faces: (F, 3);
+    colors: (V, 3 or 4), uint8 for viewers (few read uint16); normals: (V, 3) or None.
+    Raises OSError.
+    """
+    real = "f4" if single_is_enough(vertices) else "f8"
+    columns: dict[str, tuple[NDArray[Any], str]] = {"xyz": (vertices, real)}
+    if normals is not None:
+        columns["normal"] = (normals, "f4")
+    columns["color"] = (colors, f"u{colors.itemsize}")
+    names = {
+        "xyz": ("x", "y", "z"),
+        "normal": ("nx", "ny", "nz"),
+        "color": ("red", "green", "blue", "alpha"),
+    }
+    properties = [
+        f"property {PLY_TYPES[kind]} {name}"
+        for key, (values, kind) in columns.items()
+        for name in names[key][: values.shape[1]]
+    ]
+    header = [
+        "ply", "format binary_little_endian 1.0",
+        f"element vertex {len(vertices)}", *properties,
+        f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header\n",
+    ]  # fmt: skip
+    with path.open("wb") as file:
+        file.write("\n".join(header).encode("ascii"))
+        file.write(_rows([(values, f"<{kind}") for values, kind in columns.values()]))
+        file.write(_rows([(np.full((len(faces), 1), 3), "u1"), (faces, "<i4")]))
+
+
+def _rows(blocks: list[tuple[NDArray[Any], str]]) -> bytes:
+    """Blocks of columns beside each other, row by row."""
+    dtype = [(str(i), kind, values.shape[1]) for i, (values, kind) in enumerate(blocks)]
+    rows = np.empty((len(blocks[0][0]), 1), dtype)
+    for i, (values, _) in enumerate(blocks):
+        rows[str(i)] = values[:, None]
+    return rows.tobytes()
