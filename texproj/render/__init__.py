@@ -4,12 +4,15 @@ from texproj.render.context import open_renderer
 from texproj.render.gbuffer import CHANNELS, GBuffer
 from texproj.render.interface import Renderer, Scene
 from texproj.render.lens import ideal_grid, pinhole_cover
+from texproj.render.occlusion import Visibility, ambient_occlusion
 
 __all__ = [
     "CHANNELS",
     "GBuffer",
     "Renderer",
     "Scene",
+    "Visibility",
+    "ambient_occlusion",
     "ideal_grid",
     "open_renderer",
     "pinhole_cover",

@@ -69,8 +69,19 @@ def _node_rays(k: Intrinsics) -> Array:
 
 
 def ideal_radius(k: Intrinsics) -> float:
-    """Largest tangent of the off-axis angle in the photo; NaN if the lens model leaves it."""
-    return float(np.linalg.norm(_node_rays(k), axis=1).max())
+    """Largest tangent of the off-axis angle in the photo, as far as the lens model holds there."""
+    return float(np.nanmax(np.linalg.norm(_node_rays(k), axis=1), initial=0))
+
+
+def fills_photo(k: Intrinsics) -> bool:
+    """Whether the lens model holds all over the photo."""
+    return bool(np.isfinite(_node_rays(k)).all())
+
+
+def straight_span(k: Intrinsics, sag_px: float) -> float:
+    """Angle (rad) up to which the picture of a straight edge strays by less than `sag_px`."""
+    stretch = 1 + ideal_radius(k) ** 2  # normalized image units per angle, at the corner
+    return float(np.sqrt(8 * sag_px / max(bend(k) * max(k.fx, k.fy), 1e-30)) / stretch)
 
 
 @lru_cache(maxsize=32)
@@ -84,7 +95,7 @@ def bend(k: Intrinsics) -> float:
     sides = [xy + h * np.array([np.cos(t), np.sin(t)]) * s for t in DIRECTIONS for s in (-1, 1)]
     around = np.stack([k.distort(side) for side in sides]).reshape(len(DIRECTIONS), 2, -1, 2)
     second = (around.sum(axis=1) - 2 * k.distort(xy)) / h**2
-    return float(np.linalg.norm(second, axis=-1).max())
+    return float(np.nanmax(np.linalg.norm(second, axis=-1), initial=0))
 
 
 @lru_cache(maxsize=32)

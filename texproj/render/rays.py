@@ -14,7 +14,8 @@ from texproj.camera import Camera
 from texproj.mesh import Mesh
 from texproj.render.gbuffer import GBuffer, checked_channels
 from texproj.render.lens import ideal_grid
-from texproj.render.surface import Floats, Hits, Surface, images_of_hits
+from texproj.render.surface import Hits, Surface, images_of_hits
+from texproj.render.tessellation import Floats
 
 CHUNK = 1 << 19
 """Rays cast at a time; bounds memory to about 100 MB."""
@@ -71,7 +72,7 @@ class CPUScene:
         self, camera: Camera, channels: Iterable[str] = ("depth", "normal", "face", "ao")
     ) -> GBuffer:
         """Images of the mesh at the photo's pixel centers, see `GBuffer`."""
-        wanted = checked_channels(channels, self.surface.ao is not None)
+        wanted = checked_channels(channels, self.surface.occlusion is not None)
         rows = max(1, CHUNK // camera.width)
         grid = ideal_grid(camera.intrinsics)
         parts = [self._strip(camera, grid[y : y + rows], wanted) for y in range(0, len(grid), rows)]

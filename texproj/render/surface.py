@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,8 +12,7 @@ from numpy.typing import NDArray
 
 from texproj.camera import Camera
 from texproj.mesh import Mesh, vertex_normals
-
-Floats = NDArray[np.float32]
+from texproj.render.tessellation import Floats, Viewpoint
 
 NEAR_OF_FAR = 1e-3
 """Nearest depth that is drawn, as a part of the farthest, where the mesh reaches behind the camera.
@@ -23,16 +23,17 @@ Otherwise the nearest vertex is the near plane, and a 24-bit depth buffer is pre
 class Surface:
     """A mesh in scene coordinates: world minus an offset, so that float32 is fine enough.
 
-    mesh: the mesh in world coordinates, float64; ao: (V,) float32 or None.
+    mesh: the mesh in world coordinates, float64.
+    occlusion: (V,) float32 ambient occlusion, 0 hidden .. 1 open, or None.
     """
 
     mesh: Mesh
-    ao: Floats | None = None
+    occlusion: Floats | None = None
 
     def __post_init__(self) -> None:
         if not len(self.mesh.faces):
             raise ValueError("a mesh without faces cannot be rendered")
-        if self.ao is not None and len(self.ao) != len(self.mesh.vertices):
+        if self.occlusion is not None and len(self.occlusion) != len(self.mesh.vertices):
             raise ValueError("ambient occlusion must have one value per vertex")
 
     @cached_property
@@ -46,30 +47,15 @@ class Surface:
         return np.ascontiguousarray(self.mesh.vertices - self.offset, np.float32)
 
     @cached_property
-    def normals(self) -> Floats:
+    def normal_in_world(self) -> Floats:
         """(V, 3) unit vertex normals, world axes."""
         return vertex_normals(self.mesh).astype(np.float32)
 
-    @cached_property
-    def reach(self) -> Floats:
-        """(V,) length of the longest edge at each vertex."""
-        longest = np.zeros(len(self.xyz_in_local), np.float32)
-        for i in range(3):
-            ends = self.mesh.faces[:, i], self.mesh.faces[:, i - 1]
-            length = np.linalg.norm(np.subtract(*(self.xyz_in_local[e] for e in ends)), axis=1)
-            for end in ends:
-                np.maximum.at(longest, end, length)
-        return longest
-
-    def largest_span(self, camera: Camera) -> float:
-        """Largest angle (rad, or inf) that an edge before the camera may span, seen from there."""
+    def viewpoint(self, camera: Camera) -> Viewpoint:
+        """Where the camera stands and looks, in scene coordinates."""
+        near, _ = self.depth_range(camera)
         center = (camera.center - self.offset).astype(np.float32)
-        from_center = self.xyz_in_local - center
-        before = from_center @ camera.pose.R[2].astype(np.float32) > -self.reach
-        distance = np.linalg.norm(from_center, axis=1) - self.reach
-        if (distance[before] <= 0).any():
-            return float("inf")
-        return float((self.reach[before] / distance[before]).max(initial=0))
+        return Viewpoint(center, camera.pose.R[2].astype(np.float32), near)
 
     def cam_from_local(self, camera: Camera) -> NDArray[np.float64]:
         """(3, 4) scene coordinates to camera axes."""
@@ -80,11 +66,11 @@ class Surface:
         """Near and far depth between which the mesh is drawn, mesh units."""
         row = self.cam_from_local(camera)[2]
         depth = self.xyz_in_local @ row[:3].astype(np.float32)
-        span = float(depth.max() - depth.min())
-        far = float(depth.max()) + row[3] + 1e-3 * span
-        near = float(depth.min()) + row[3] - 1e-3 * span
-        far = far if far > 0 else 1.0
-        return max(near, far * NEAR_OF_FAR), far * (1 + 1e-6)
+        near, far = float(depth.min()) + row[3], float(depth.max()) + row[3]
+        if far <= 0:
+            return NEAR_OF_FAR, 1.0  # all behind the camera: any range shows nothing
+        margin = NEAR_OF_FAR * far  # keeps a flat mesh off the planes, beyond float32 rounding
+        return max(near - margin, margin), far + margin
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,47 +85,16 @@ class Hits:
     v: Floats
 
 
-def hits_on_faces(surface: Surface, camera: Camera, ideal: Floats, face: NDArray[np.int32]) -> Hits:
-    """Where the rays through `ideal` (n, 2) normalized coordinates meet the given faces.
-
-    A ray that passes beside its face meets the nearest end of it in barycentric coordinates, so
-    that nothing is extrapolated. Moeller and Trumbore 1997, in camera axes.
-    """
-    cam_from_local = surface.cam_from_local(camera).astype(np.float32)
-    xyz_in_cam = surface.xyz_in_local @ cam_from_local[:, :3].T + cam_from_local[:, 3]
-    seen = np.flatnonzero(face >= 0)
-    a, b, c = (xyz_in_cam[surface.mesh.faces[face[seen], i]] for i in range(3))
-    ray = np.concatenate([ideal[seen], np.ones((len(seen), 1), np.float32)], axis=1)
-    p: Floats = np.cross(ray, c - a)
-    q = np.cross(-a, b - a)
-    det = np.einsum("ij,ij->i", b - a, p)
-    det = np.where(det == 0, np.float32(np.inf), det)
-    u = np.einsum("ij,ij->i", -a, p) / det
-    v = np.einsum("ij,ij->i", ray, q) / det
-    u, v = _inside(u, v)
-    out = np.full((3, len(face)), np.inf, np.float32)
-    out[:, seen] = (1 - u - v) * a[:, 2] + u * b[:, 2] + v * c[:, 2], u, v
-    return Hits(face, *out)
-
-
-def _inside(u: Floats, v: Floats) -> tuple[Floats, Floats]:
-    """Barycentric coordinates clipped to the triangle."""
-    w = np.maximum(1 - u - v, 0)
-    u, v = np.maximum(u, 0), np.maximum(v, 0)
-    total = u + v + w
-    return u / total, v / total
-
-
 def images_of_hits(
     surface: Surface, camera: Camera, hits: Hits, channels: tuple[str, ...]
 ) -> dict[str, NDArray[Any]]:
     """The images of `channels` (see GBuffer), flat (n, ...), interpolated at the hits."""
     empty = hits.face < 0
-    makers = {
+    makers: dict[str, Callable[[], NDArray[Any]]] = {
         "depth": lambda: np.where(empty, np.float32(np.inf), hits.depth),
         "face": lambda: hits.face,
         "front": lambda: ~empty & _front(surface, camera, hits.face),
-        "ao": lambda: _blend(surface, hits, surface.ao[:, None])[:, 0],  # type: ignore[index]
+        "ao": lambda: _blend(surface, hits, surface.occlusion[:, None])[:, 0],  # type: ignore[index]
         "normal": lambda: _normals(surface, camera, hits),
     }
     return {name: makers[name]() for name in channels}
@@ -157,7 +112,7 @@ def _blend(surface: Surface, hits: Hits, values: Floats) -> Floats:
 
 
 def _normals(surface: Surface, camera: Camera, hits: Hits) -> Floats:
-    normals = _blend(surface, hits, surface.normals @ camera.pose.R.T.astype(np.float32))
+    normals = _blend(surface, hits, surface.normal_in_world @ camera.pose.R.T.astype(np.float32))
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
 
