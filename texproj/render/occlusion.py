@@ -13,7 +13,7 @@ from texproj.render.surface import Surface
 from texproj.render.tessellation import Floats
 
 LIFT = 1e-4
-"""How far rays start above the surface, as a part of the mesh's diagonal: far above float32 rounding
+"""How far rays start above the surface, as a part of the diagonal: far above float32 rounding
 (1e-7), below what a photo resolves."""
 
 MAX_RAYS = 1 << 25
