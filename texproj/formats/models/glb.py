@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import struct
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.formats.models.images import encode_image, to_8_bit
+from texproj.formats.models.images import encode_pages, to_8_bit
 from texproj.formats.models.precision import single_is_enough
 from texproj.mesh import TexturedMesh
 
@@ -24,14 +25,16 @@ def write_glb(
     model: TexturedMesh,
     image_format: Literal["png", "jpeg"] = "png",
     unlit: bool = True,
+    images: Sequence[bytes] | None = None,
 ) -> None:
     """Write one node with a primitive, a material and an image per page of the texture.
 
     Axes stay those of the mesh file. Positions are float32; where that is not enough they count
     from the middle of the model and the node is moved there. `unlit` shows the colors as they
-    were photographed (KHR_materials_unlit), viewers without it light them. Images hold 8 bits.
-    Raises OSError.
+    were photographed (KHR_materials_unlit), viewers without it light them. Images hold 8 bits;
+    images: the pages where they are encoded as `image_format` already. Raises OSError.
     """
+    encoded = images or encode_pages(map(to_8_bit, model.pages), image_format)
     document = _Document()
     offset = np.zeros(3)
     if not single_is_enough(model.vertices):
@@ -42,36 +45,34 @@ def write_glb(
     node: dict[str, Any] = {"mesh": 0, "name": path.stem}
     if offset.any():
         node["translation"] = offset.tolist()
-    images = [
-        {
-            "mimeType": f"image/{image_format}",
-            "bufferView": document.view(encode_image(to_8_bit(page), image_format)),
-        }
-        for page in model.pages
-    ]
-    materials = [_material(i, unlit) for i in range(len(images))]
-    if (model.page_of_face < 0).any():
-        materials.append(_material(None, unlit))
     content: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "texproj"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [node],
         "meshes": [{"primitives": primitives}],
-        "materials": materials,
+        "materials": [_material(i, unlit) for i in range(len(encoded))],
     }
-    if images:
-        content |= {
-            "images": images,
-            "samplers": [
-                {"magFilter": LINEAR, "minFilter": LINEAR_MIPMAP_LINEAR,
-                 "wrapS": CLAMP_TO_EDGE, "wrapT": CLAMP_TO_EDGE}
-            ],
-            "textures": [{"source": i, "sampler": 0} for i in range(len(images))],
-        }  # fmt: skip
+    if (model.page_of_face < 0).any():
+        content["materials"].append(_material(None, unlit))
+    if encoded:
+        content |= _textures([document.view(image) for image in encoded], f"image/{image_format}")
     if unlit:
         content["extensionsUsed"] = ["KHR_materials_unlit"]
     document.write(path, content)
+
+
+def _textures(views: list[int], mime_type: str) -> dict[str, Any]:
+    """Images, textures and the one way to sample them: linear, never across the border."""
+    sampler = {
+        "magFilter": LINEAR, "minFilter": LINEAR_MIPMAP_LINEAR,
+        "wrapS": CLAMP_TO_EDGE, "wrapT": CLAMP_TO_EDGE,
+    }  # fmt: skip
+    return {
+        "images": [{"mimeType": mime_type, "bufferView": view} for view in views],
+        "samplers": [sampler],
+        "textures": [{"source": i, "sampler": 0} for i in range(len(views))],
+    }
 
 
 class _Document:

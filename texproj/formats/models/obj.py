@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.formats.models.images import IMAGE_SUFFIXES, ImageFormat, encode_image
+from texproj.formats.models.images import IMAGE_SUFFIXES, ImageFormat, encode_pages
 from texproj.mesh import TexturedMesh
 
 RELATIVE_DIGITS = 9
@@ -19,28 +20,35 @@ UV_FORMAT = "%.7f"
 """A hundredth of a texel on the largest page."""
 
 
-def write_obj(path: Path, model: TexturedMesh, image_format: ImageFormat = "png") -> list[Path]:
+def write_obj(
+    path: Path,
+    model: TexturedMesh,
+    image_format: ImageFormat = "png",
+    images: Sequence[bytes] | None = None,
+) -> list[Path]:
     """Write `path`, its .mtl and an image per page beside it; returns all files.
 
-    Faces are grouped by page, in their order within each. Raises OSError.
+    Faces are grouped by page, in their order within each. images: the pages where they are
+    encoded as `image_format` already (`encode_pages`). Raises OSError.
     """
+    encoded = encode_pages(model.pages, image_format) if images is None else images
     suffix = IMAGE_SUFFIXES[image_format]
-    images = [path.with_name(f"{path.stem}_{i}{suffix}") for i in range(len(model.pages))]
-    for image, page in zip(images, model.pages, strict=True):
-        image.write_bytes(encode_image(page, image_format))
+    files = [path.with_name(f"{path.stem}_{i}{suffix}") for i in range(len(model.pages))]
+    for file, data in zip(files, encoded, strict=True):
+        file.write_bytes(data)
     materials = path.with_suffix(".mtl")
     untextured = bool((model.page_of_face < 0).any())
-    materials.write_text(_mtl([image.name for image in images], untextured), "utf-8")
-    with path.open("w", encoding="ascii", newline="\n") as file:
-        file.write(f"mtllib {materials.name}\n")
-        file.write(_lines(f"v {_per_row(_coordinate_format(model.vertices))}", model.vertices))
-        file.write(_lines(f"vt {UV_FORMAT} {UV_FORMAT}", model.uv))
+    materials.write_text(_mtl([file.name for file in files], untextured), "utf-8")
+    with path.open("w", encoding="utf-8", newline="\n") as out:
+        out.write(f"mtllib {materials.name}\n")
+        out.write(_lines(f"v {_per_row(_coordinate_format(model.vertices))}", model.vertices))
+        out.write(_lines(f"vt {UV_FORMAT} {UV_FORMAT}", model.uv))
         if model.normals is not None:
-            file.write(_lines(f"vn {_per_row('%.6f')}", model.normals))
+            out.write(_lines(f"vn {_per_row('%.6f')}", model.normals))
         for page in np.unique(model.page_of_face):
-            file.write(f"usemtl {_material(int(page))}\n")
-            file.write(_faces(model, page))
-    return [path, materials, *images]
+            out.write(f"usemtl {_material(int(page))}\n")
+            out.write(_faces(model, page))
+    return [path, materials, *files]
 
 
 def _material(page: int) -> str:
