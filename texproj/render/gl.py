@@ -17,7 +17,7 @@ from texproj.render.geometry import Geometry
 from texproj.render.lens import fills_photo, ideal_grid
 from texproj.render.shaders import BINDINGS, Program
 from texproj.render.surface import Surface
-from texproj.render.target import Target, Tile, tiles
+from texproj.render.target import Target, Tile, drawing, tiles
 from texproj.render.tessellation import Floats
 
 TILE_PX = 4096
@@ -124,9 +124,7 @@ class GLScene:
         if k.distorted:
             self._blocks["Lens"].write(lens_block(k))
         blocks = tuple((self._blocks[name], binding) for name, binding in BINDINGS.items())
-        with self._ctx.scope(target.framebuffer, moderngl.DEPTH_TEST, uniform_buffers=blocks):
-            self._ctx.front_face = "cw"
-            self._ctx.depth_func = "<"
+        with drawing(self._ctx, target, blocks):
             vertices.render()
         return target.read()
 

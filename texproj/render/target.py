@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -43,6 +45,26 @@ def tiles(width: int, height: int, limit: int) -> list[Tile]:
         for y in range(0, height, limit)
         for x in range(0, width, limit)
     ]
+
+
+@contextmanager
+def drawing(
+    ctx: moderngl.Context, target: Target, blocks: tuple[tuple[Any, int], ...]
+) -> Iterator[None]:
+    """The whole state of a pass that draws the mesh: nearest surface wins, both sides drawn, the
+    outside counter-clockwise (clockwise where row 0 is the top). Left behind: moderngl's defaults.
+
+    blocks: uniform buffers and their binding points.
+    """
+    try:
+        with ctx.scope(target.framebuffer, moderngl.DEPTH_TEST, uniform_buffers=blocks):
+            ctx.front_face = "cw"
+            ctx.depth_func = "<"
+            yield
+    finally:
+        ctx.front_face = "ccw"
+        ctx.depth_func = "<="
+        ctx.enable_only(moderngl.NOTHING)
 
 
 class Target:
