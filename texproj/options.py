@@ -125,6 +125,9 @@ class StructureOptions:
     sure_support: Fraction = 0.75
     """Share of patches found in place at which no further start is tried."""
 
+    confirmed_support: Fraction = 0.45
+    """The same where two starts have led to the same place."""
+
     min_agreement: Fraction = 0.3
     """Share of fine patches found in place below which a camera is refused ..."""
 
@@ -178,6 +181,29 @@ class DemoOptions:
     """Strength of the highlight; 0 is matte, 1 polished."""
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Where the piece stands in the world; large values imitate survey coordinates."""
+
+
+@dataclass(frozen=True, config=STRICT)
+class RefineOptions:
+    """How the cameras of all photos are brought to agree with each other on the surface."""
+
+    enabled: bool = True
+    """Whether `run` refines; `texproj refine` always does."""
+
+    working_px: Annotated[int, Field(ge=256, le=8192)] = 768
+    """Longer side of the reduced photos that are compared, pixels; twice that at the end."""
+
+    partners: Annotated[int, Field(ge=1, le=50)] = 6
+    """With how many others each photo is compared."""
+
+    rounds: Annotated[int, Field(ge=0, le=100)] = 8
+    """Most rounds at the working size; it stops earlier when the cameras no longer move."""
+
+    fine_rounds: Annotated[int, Field(ge=0, le=100)] = 2
+    """Most rounds at twice the working size."""
+
+    least_support: Fraction = 0.15
+    """A photo is thrown out if no partner confirms at least this share of its patches."""
 
 
 def options_from(cls: type[T], values: dict[str, Any], where: str) -> T:

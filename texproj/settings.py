@@ -11,6 +11,7 @@ from texproj.errors import InputError, UsageError, nearest_name
 from texproj.options import (
     ColorOptions,
     PointsOptions,
+    RefineOptions,
     RegisterOptions,
     RenderOptions,
     StructureOptions,
@@ -23,6 +24,7 @@ SECTIONS: dict[str, type] = {
     "register": RegisterOptions,
     "points": PointsOptions,
     "structure": StructureOptions,
+    "refine": RefineOptions,
     "color": ColorOptions,
     "unwrap": UnwrapOptions,
 }

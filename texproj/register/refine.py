@@ -1,0 +1,200 @@
+"""All photos together: cameras at which the photos agree with each other on the surface.
+
+After Dellepiane et al., "Global refinement of image-to-geometry registration for color
+projection", Digital Heritage 2013, with one sparse least squares over tied patches in place of
+mutual information photo by photo (ours). Each photo's own registration anchors the whole in the
+mesh's frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.camera import Camera
+from texproj.options import RefineOptions
+from texproj.register.overlap import choose_partners, shared_views
+from texproj.register.refine_session import (
+    Cameras,
+    Kept,
+    LoadPhoto,
+    Views,
+    anchor_points,
+)
+from texproj.register.structure_view import Render
+from texproj.register.ties import TieSearch, find_ties
+from texproj.solve.joint import Anchors, JointPoses, Ties
+from texproj.solve.lm import LmFit, Loss, minimize
+from texproj.solve.reprojection import projection_jacobian
+
+Array = NDArray[np.float64]
+Pair = tuple[int, int]
+
+FIRST_RADIUS_PX, LATER_RADIUS_PX = 8, 5
+"""Search radius in the first round and once the photos are close, working pixels."""
+TIE_SIGMA_PX = 0.5
+"""Noise of a tie, working pixels: what well registered photos of real scenes show."""
+TIE_LOSS = Loss("cauchy", 1.5)
+SETTLED_PX = 0.05
+"""Motion of the surface in the photos below which the cameras have stopped, working pixels."""
+ANCHOR_WEIGHT = 2.0
+"""For how many independent observations a photo's own registration counts."""
+TIE_CORRELATION = 20.0
+"""How many ties share an error (shape of the mesh, light); widens the expected error."""
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """cameras: full size, as given where nothing could be said; thrown_out: why, by number, for
+    those that contradict the others; tied: numbers of those that were solved;
+    expected_error_px, motion_px: (n,) full-size pixels, NaN where not solved; quality: for the
+    report.
+    """
+
+    cameras: Cameras
+    thrown_out: dict[int, str]
+    tied: tuple[int, ...]
+    expected_error_px: Array
+    motion_px: Array
+    quality: dict[str, Any] = field(default_factory=dict)
+
+
+def refine(
+    cameras: Sequence[Camera],
+    sigma_px: Sequence[float],
+    fixed: Sequence[bool],
+    load_photo: LoadPhoto,
+    render: Render,
+    options: RefineOptions | None = None,
+) -> Refined:
+    """Cameras that agree on the surface.
+
+    cameras: full size, registered to a few pixels; sigma_px: expected error of each, full-size
+    pixels; fixed: those that must not move and that the others follow; render: gives depth and
+    normals for a camera.
+    """
+    options = options or RefineOptions()
+    joint = _Joint(
+        tuple(cameras), np.array(sigma_px, float), np.array(fixed, bool), load_photo, render,
+        anchor_points(cameras, render), Kept(48),
+    )  # fmt: skip
+    pairs = choose_partners(*shared_views(cameras, render), options.partners)
+    strangers = joint.strangers(pairs, options)
+    pairs = [p for p in pairs if not strangers.keys() & set(p)]
+    now, fit, rounds = joint.given, None, 0
+    for longest, most in _schedule(options):
+        for _ in range(most if pairs else 0):
+            before, rounds = now, rounds + 1
+            now, fit = joint.round(before, pairs, longest, rounds == 1)
+            if joint.motion_px(before, now).max() * longest / joint.longest < SETTLED_PX:
+                break
+    return joint.outcome(now, strangers, pairs, fit, rounds)
+
+
+def _schedule(options: RefineOptions) -> list[tuple[int, int]]:
+    """(working size, most rounds there)."""
+    return [(options.working_px, options.rounds), (2 * options.working_px, options.fine_rounds)]
+
+
+@dataclass(frozen=True, eq=False)
+class _Joint:
+    """What stays the same over all rounds; points: per camera, what its own registration saw."""
+
+    given: Cameras
+    sigma_px: Array
+    fixed: NDArray[np.bool_]
+    load_photo: LoadPhoto
+    render: Render
+    points: list[Array]
+    photos: Kept[tuple[int, int], Any]
+
+    @property
+    def longest(self) -> int:
+        return max(max(c.width, c.height) for c in self.given)
+
+    def search(
+        self, cameras: Cameras, pairs: list[Pair], longest: int, radius_px: int
+    ) -> dict[Pair, TieSearch]:
+        """Ties of all pairs, positions in full-size pixels."""
+        views = Views(cameras, self.photos, longest, self.load_photo, self.render)
+        found = {}
+        for i, j in pairs:
+            one = find_ties(i, j, views, radius_px)
+            to_full = cameras[i].width / views[i].camera.width
+            found[i, j] = replace(one, ties=replace(one.ties, to_px=one.ties.to_px * to_full))
+        return found
+
+    def strangers(self, pairs: list[Pair], options: RefineOptions) -> dict[int, str]:
+        """Photos whose surface no partner confirms, and the sentence about each."""
+        best: dict[int, float] = {}
+        found = self.search(self.given, pairs, options.working_px, FIRST_RADIUS_PX)
+        for pair, search in found.items():
+            for k in pair:
+                best[k] = max(best.get(k, 0.0), search.support)
+        return {
+            k: f"no other photo shows the same surface where this camera sees it (at best "
+            f"{share:.0%} of the patches agree); check its picks or its start"
+            for k, share in best.items()
+            if share < options.least_support and not self.fixed[k]
+        }
+
+    def round(
+        self, cameras: Cameras, pairs: list[Pair], longest: int, first: bool
+    ) -> tuple[Cameras, LmFit[Cameras]]:
+        """Match again, then move all cameras at once."""
+        radius = FIRST_RADIUS_PX if first else LATER_RADIUS_PX
+        found = self.search(cameras, pairs, longest, radius)
+        ties = Ties.joined([search.ties for search in found.values()])
+        sigma = TIE_SIGMA_PX * self.longest / longest
+        solved = np.unique(pairs)
+        still = self.fixed | ~np.isin(np.arange(len(cameras)), solved)
+        fit = minimize(JointPoses(ties, self._anchors(), sigma, still), cameras, TIE_LOSS)
+        return fit.x, fit
+
+    def motion_px(self, before: Cameras, after: Cameras) -> Array:
+        """(n,) mean motion of the surface in each photo, full-size pixels."""
+        motion = np.zeros(len(before))
+        for k, points in enumerate(self.points):
+            shift = after[k].project(points)[0] - before[k].project(points)[0]
+            motion[k] = np.nanmean(np.linalg.norm(shift, axis=1)) if len(points) else 0
+        return motion
+
+    def outcome(
+        self, cameras: Cameras, strangers: dict[int, str], pairs: list[Pair],
+        fit: LmFit[Cameras] | None, rounds: int,
+    ) -> Refined:  # fmt: skip
+        """The result with its expected errors."""
+        error, motion = np.full(len(cameras), np.nan), np.full(len(cameras), np.nan)
+        tied = tuple(int(k) for k in np.unique(pairs)) if fit else ()
+        quality: dict[str, Any] = {"rounds": rounds, "pairs": len(pairs)}
+        if fit is not None:
+            covariance = fit.covariance(max(fit.scatter2, 0.1) * TIE_CORRELATION)
+            for k in tied:
+                block = covariance[6 * k : 6 * k + 6, 6 * k : 6 * k + 6]
+                error[k] = 0.0 if self.fixed[k] else _spread_px(cameras[k], self.points[k], block)
+            motion = np.where(np.isin(np.arange(len(motion)), tied), self.motion_px(self.given, cameras), np.nan)
+            quality |= {"ties": len(fit.residual), "tie_residual_px": self._residual_px(fit)}
+        return Refined(cameras, strangers, tied, error, motion, quality)
+
+    def _residual_px(self, fit: LmFit[Cameras]) -> float:
+        """Median length of the ties' residuals, full-size pixels."""
+        length = np.linalg.norm(fit.residual, axis=1)
+        return float(np.nanmedian(length) * TIE_SIGMA_PX)
+
+    def _anchors(self) -> Anchors:
+        count = np.array([len(p) for p in self.points])
+        camera = np.repeat(np.arange(len(count)), count)
+        px = [c.project(p)[0] for c, p in zip(self.given, self.points, strict=True)]
+        sigma = np.repeat(self.sigma_px * np.sqrt(count / ANCHOR_WEIGHT), count)
+        return Anchors(camera, np.concatenate(self.points), np.concatenate(px), sigma)
+
+
+def _spread_px(camera: Camera, points: Array, covariance: Array) -> float:
+    """Root mean square image deviation of the surface under the pose's covariance."""
+    jacobian = projection_jacobian(camera, points)
+    variance = jacobian @ covariance @ jacobian.transpose(0, 2, 1)
+    return float(np.sqrt(np.trace(variance, axis1=1, axis2=2).mean()))

@@ -1,0 +1,152 @@
+"""Ties between two photos: patches of one, seen through the mesh from the other, found there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.camera import Camera
+from texproj.render.gbuffer import GBuffer
+from texproj.solve.joint import Ties
+from texproj.solve.matching import match_patches
+from texproj.solve.orientation import DARK, PRE_BLUR_PX, Field, Gray
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+PATCH_PX = 15
+STEP_PX = 24
+"""One patch in each square of this size: the most corner-like."""
+RIM_PX = PATCH_PX // 2 + 1
+LEAST_SCORE = 0.75
+"""Normalized correlation of signed gradients at which a patch counts as found."""
+DEPTH_TOLERANCE = 0.01
+"""The other photo sees the same surface if the depths agree to this part."""
+LEAST_SLANT = 0.2
+"""Cosine between ray and normal below which a point's depth says too little about its place."""
+
+
+@dataclass(frozen=True, eq=False)
+class PhotoView:
+    """One photo ready for comparison: its camera at the working size, its luma in 0..1, what the
+    mesh looks like from there (depth, normal), and where it may be used.
+    """
+
+    camera: Camera
+    gray: Gray
+    images: GBuffer
+    valid: NDArray[np.bool_]
+
+
+class Lookup(Protocol):
+    """The views by number of the photo."""
+
+    def __getitem__(self, k: int, /) -> PhotoView: ...
+
+
+@dataclass(frozen=True, eq=False)
+class TieSearch:
+    """Ties found between two photos, and how many were sought: patches on surface both see."""
+
+    ties: Ties
+    sought: int
+
+    @property
+    def support(self) -> float:
+        """Share of the patches that were found."""
+        return len(self.ties) / max(self.sought, 1)
+
+
+def photo_view(camera: Camera, gray: Gray, images: GBuffer, mask: Gray | None) -> PhotoView:
+    """Bring a photo and its rendering together; mask: 0 = do not use."""
+    assert images.depth is not None
+    valid = np.isfinite(images.depth)
+    if mask is not None:
+        valid &= mask > 0
+    return PhotoView(camera, gray, images, valid)
+
+
+def find_ties(i: int, j: int, views: Lookup, radius_px: int) -> TieSearch:
+    """Ties of photo j to photo i: j warped into i through the mesh, then patches sought in i."""
+    here, other = views[i], views[j]
+    warped, shared = _warped(here, other)
+    solid = cv2.erode(shared.astype(np.uint8), np.ones((2 * RIM_PX + 1,) * 2, np.uint8)) > 0
+    centers = corner_grid(here.gray, solid)
+    matches = match_patches(
+        gradient_field(warped), gradient_field(here.gray), centers, PATCH_PX, radius_px
+    )
+    good = matches.score >= LEAST_SCORE
+    x, y = centers[matches.patch[good]].T
+    ties = _ties(i, j, views, (x, y), matches.target_px[good])
+    return TieSearch(ties, len(centers))
+
+
+def gradient_field(gray: Gray) -> Field:
+    """(h, w) complex: gradient of the logarithm, so that exposure does not matter."""
+    smooth = cv2.GaussianBlur(np.log(gray + np.float32(DARK)), (0, 0), PRE_BLUR_PX)
+    out = np.empty(gray.shape, np.complex64)
+    out.real = cv2.Scharr(smooth, cv2.CV_32F, 1, 0, scale=1 / 32)
+    out.imag = cv2.Scharr(smooth, cv2.CV_32F, 0, 1, scale=1 / 32)
+    return out
+
+
+def corner_grid(gray: Gray, valid: NDArray[np.bool_]) -> Index:
+    """(n, 2) x, y of the most corner-like valid pixel of each square of the grid that has
+    more structure than the median square (a flat or one-directional patch cannot be located).
+    """
+    strength = cv2.cornerMinEigenVal(np.log(gray + np.float32(DARK)), PATCH_PX)
+    strength = np.where(valid, strength, 0)
+    h, w = (n // STEP_PX * STEP_PX for n in gray.shape)
+    cells = strength[:h, :w].reshape(h // STEP_PX, STEP_PX, w // STEP_PX, STEP_PX)
+    cells = cells.transpose(0, 2, 1, 3).reshape(h // STEP_PX, w // STEP_PX, -1)
+    best, where = cells.max(axis=2), cells.argmax(axis=2)
+    used = best > 0
+    if not used.any():
+        return np.zeros((0, 2), np.intp)
+    row, column = np.nonzero(best > 0.5 * np.median(best[used]))
+    inner_y, inner_x = np.divmod(where[row, column], STEP_PX)
+    return np.stack([column * STEP_PX + inner_x, row * STEP_PX + inner_y], axis=1)
+
+
+def _warped(here: PhotoView, other: PhotoView) -> tuple[Gray, NDArray[np.bool_]]:
+    """(h, w) luma of `other` in the picture of `here`, and where both see the same surface."""
+    assert here.images.depth is not None and other.images.depth is not None
+    h, w = here.gray.shape
+    row, column = np.nonzero(here.valid)
+    pixels = np.stack([column, row], axis=1) + 0.5
+    xyz = here.camera.unproject(pixels, here.images.depth[row, column])
+    xy, z = other.camera.project(xyz)
+    at = np.full((h, w, 2), -1e4, np.float32)
+    at[row, column] = np.nan_to_num(xy - 0.5, nan=-1e4)
+    depth = np.zeros((h, w), np.float32)
+    depth[row, column] = z
+    outside = {"borderMode": cv2.BORDER_CONSTANT, "borderValue": 0}
+    there = cv2.remap(other.images.depth, at, None, cv2.INTER_NEAREST, **outside)
+    usable = cv2.remap(other.valid.astype(np.uint8), at, None, cv2.INTER_NEAREST, **outside)
+    with np.errstate(invalid="ignore"):
+        shared = (usable > 0) & (np.abs(there - depth) < DEPTH_TOLERANCE * depth)
+    gray = cv2.remap(other.gray, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.where(shared, gray, here.gray), shared
+
+
+def _ties(
+    i: int, j: int, views: Lookup, at: tuple[Index, Index], found_px: Array
+) -> Ties:
+    """Ties for the surface under the pixels `at` (x, y) of photo i, seen there in truth at
+    `found_px`. Surface that photo j sees at a grazing angle is left out.
+    """
+    here, other = views[i], views[j]
+    assert here.images.depth is not None and here.images.normal_in_cam is not None
+    x, y = at
+    point = here.camera.unproject(np.stack([x, y], axis=1) + 0.5, here.images.depth[y, x])
+    normal = here.images.normal_in_cam[y, x].astype(np.float64) @ here.camera.pose.R
+    ray = other.camera.pose.apply(point)
+    ray = ray / np.linalg.norm(ray, axis=1, keepdims=True)
+    slant = np.abs((normal * (ray @ other.camera.pose.R)).sum(1))
+    n = len(x)
+    ties = Ties(np.full(n, i), np.full(n, j), found_px, ray, point, normal)
+    return ties.at(slant > LEAST_SLANT)
