@@ -36,7 +36,7 @@ def repair(vertices: ArrayLike, faces: ArrayLike) -> MeshSource:
     valid, repairs = _valid_faces(source, given, welded)
     kept = given[valid].astype(np.int32)
     if not len(kept):
-        told = ", ".join(f"{count} {name}" for name, count in repairs.items())
+        told = ", ".join(f"{count} {name}" for name, count in repairs.items() if count)
         raise InputError(f"the mesh has no usable face: {told}")
     used = np.zeros(len(source), bool)
     used[welded[kept]] = True
@@ -58,7 +58,7 @@ def first_equal_rows(rows: NDArray[np.float64] | Index) -> Index:
     words = np.ascontiguousarray(rows).view(np.uint64)
     order = np.argsort(_hash(words), kind="stable")
     same = (words[order[1:]] == words[order[:-1]]).all(axis=1)
-    starts = np.concatenate([[True], ~same])
+    starts = np.concatenate([[True], ~same])[: len(words)]
     result = np.empty(len(words), np.int64)
     result[order] = order[starts][np.cumsum(starts) - 1]
     return result
