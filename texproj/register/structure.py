@@ -7,8 +7,6 @@ robust pose follows from hundreds of them. Method: ours, after CFOG (Ye et al., 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,32 +15,17 @@ from texproj.errors import RegistrationError
 from texproj.options import StructureOptions
 from texproj.photo import Photo
 from texproj.records import Fit
-from texproj.register.structure_start import placed_starts
-from texproj.register.structure_view import (
-    FINE,
-    MIDDLE,
-    Observation,
-    PatchRule,
-    Render,
-    StructureView,
-)
-from texproj.register.verdict import Verdict, judge, support
-from texproj.solve.lm import LmFit, LmOptions, Loss, minimize
-from texproj.solve.pnp import MsacOptions, msac_pose
-from texproj.solve.reprojection import Prior, Reprojection, projection_jacobian
+from texproj.register.structure_solve import FINE_SCALE_PX, Candidate, approach, refine
+from texproj.register.structure_start import motion_px, placed_starts
+from texproj.register.structure_view import Observation, Render, StructureView
+from texproj.register.verdict import Verdict, judge
+from texproj.solve.lm import LmFit
+from texproj.solve.reprojection import projection_jacobian
 
 Array = NDArray[np.float64]
 
-# Sizes in pixels of the levels (768, 384, 192 px); measured on two scenes, see the benchmark.
-WIDE = PatchRule(MIDDLE, size_px=41, step_px=18, radius_px=20, peaks=2)
-NEAR = PatchRule(MIDDLE, size_px=41, step_px=18, radius_px=12)
-EXACT = PatchRule(FINE, size_px=65, step_px=20, radius_px=12)
-LAST = PatchRule(FINE, size_px=65, step_px=20, radius_px=8)
-
-MIDDLE_SCALE_PX, FINE_SCALE_PX = 1.0, 1.5
-"""Cauchy scales: the matches' scatter at each level."""
-LEAST_MATCHES = 12
-STEPS = LmOptions(max_iterations=30, cost_tolerance=1e-6)
+SAME_PLACE = 0.01
+"""Image motion, as a share of the width, below which two candidates are the same."""
 
 
 def register_structure(
@@ -66,86 +49,36 @@ def register_structure(
     return _finished(view, prior, start, options)
 
 
-@dataclass(frozen=True, eq=False)
-class _Candidate:
-    camera: Camera
-    support: float
-
-
 def _search(view: StructureView, prior: Camera, options: StructureOptions) -> Camera | None:
-    """The best supported of the candidates, from placements of the prior's view and itself."""
-    rolls = np.radians(options.rolls_deg)
-    starts = placed_starts(view, prior, tuple(rolls), options.scales, options.starts)
-    best: _Candidate | None = None
+    """The best supported camera that the placements of the prior's view, and itself, lead to."""
+    rolls = tuple(np.radians(options.rolls_deg))
+    starts = placed_starts(view, prior, rolls, options.scales, options.starts)
+    found: list[Candidate] = []
     for start in [*starts, prior]:
-        candidate = _approach(view, start)
+        candidate = approach(view, start)
         if candidate is None:
             continue
-        if best is None or candidate.support > best.support:
-            best = candidate
-        if best.support > options.sure_support:
+        found.append(candidate)
+        if _settled(found, options):
             break
-    return best.camera if best else None
+    return max(found, key=lambda c: c.support).camera if found else None
 
 
-def _approach(view: StructureView, start: Camera) -> _Candidate | None:
-    camera: Camera | None = start
-    for rule in (WIDE, NEAR):
-        camera = _consensus(view.observe(camera, rule), camera) if camera else None
-    if camera is None:
-        return None
-    return _Candidate(camera, support(view, camera))
-
-
-def _consensus(seen: Observation, camera: Camera) -> Camera | None:
-    """`camera` (full size) moved to the pose on which most matches agree."""
-    if len(seen.matches) < LEAST_MATCHES:
-        return None
-    radius = 20 if seen.matches.rank.any() else 12
-    fit = msac_pose(
-        seen.matches.target_px,
-        seen.xyz_in_world,
-        seen.camera.intrinsics,
-        MsacOptions(max(2.5, radius / 6), polished=1),
-    )
-    if fit is None:
-        return None
-    problem = Reprojection(seen.matches.target_px, seen.xyz_in_world, MIDDLE_SCALE_PX)
-    found = minimize(problem, replace(seen.camera, pose=fit.pose), Loss("cauchy"), STEPS).x
-    return replace(camera, pose=found.pose)
+def _settled(found: list[Candidate], options: StructureOptions) -> bool:
+    """The best candidate stands out, or another start led to the same place."""
+    best = max(found, key=lambda c: c.support)
+    if best.support >= options.sure_support:
+        return True
+    near = SAME_PLACE * best.camera.width
+    again = [c for c in found if motion_px(c.camera, best.camera, best.seen) < near]
+    return len(again) > 1 and best.support >= options.confirmed_support
 
 
 def _finished(view: StructureView, prior: Camera, camera: Camera, options: StructureOptions) -> Fit:
     """Refined at the fine level, judged, and brought to full size."""
-    seen = view.observe(camera, EXACT)
-    moved = _consensus(seen, camera) or camera
-    fit = _least_squares(seen, moved, prior, options)
-    camera = _full_size(fit.x, prior)
-    seen = view.observe(camera, LAST)
-    fit = _least_squares(seen, camera, prior, options)
-    camera = _full_size(fit.x, prior)
+    seen, fit = refine(view, camera, prior.intrinsics.fx, options.focal_sigma)
+    camera = fit.x.resized(prior.width, prior.height)
     return _fit(seen, fit, camera, judge(view, camera, options))
-
-
-def _least_squares(
-    seen: Observation, camera: Camera, prior: Camera, options: StructureOptions
-) -> LmFit[Camera]:
-    """All matches under a Cauchy loss, pose and focal length together, at the level's size."""
-    here = camera.resized(seen.camera.width, seen.camera.height)
-    expected = np.log(prior.intrinsics.fx * here.width / prior.width)
-    problem = Reprojection(
-        seen.matches.target_px,
-        seen.xyz_in_world,
-        FINE_SCALE_PX,
-        ("focal",),
-        (Prior("focal", float(expected), options.focal_sigma),),
-    )
-    return minimize(problem, here, Loss("cauchy"), STEPS)
-
-
-def _full_size(camera: Camera, prior: Camera) -> Camera:
-    """`camera` of a level for the full-size photo; sizes are the prior's, not rounded ones."""
-    return camera.resized(prior.width, prior.height)
 
 
 def _fit(seen: Observation, fit: LmFit[Camera], camera: Camera, verdict: Verdict) -> Fit:

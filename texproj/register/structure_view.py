@@ -41,12 +41,13 @@ class PatchRule:
 class Observation:
     """What one comparison of photo and rendering gave, in pixels of its level.
 
-    camera: at the level's size; patches: how many were sought; matches: what was found;
-    xyz_in_world: (n, 3) surface points under the patch centers, one per match.
-    grid_px: (patches, 2) centers of all patches sought.
+    camera: at the level's size; rule: what was sought; grid_px: (patches, 2) centers of all
+    patches sought; matches: what was found; xyz_in_world: (n, 3) surface points under the
+    patch centers, one per match.
     """
 
     camera: Camera
+    rule: PatchRule
     grid_px: Array
     matches: PatchMatches
     xyz_in_world: Array
@@ -100,7 +101,7 @@ class StructureView:
         here = self.camera_at(camera, rule.level)
         xyz = here.unproject(matches.source_px, images.depth[y, x])
         grid = centers.astype(np.float64) + 0.5
-        return Observation(here, grid, matches, xyz)
+        return Observation(here, rule, grid, matches, xyz)
 
 
 def _field(photo: Photo, longest_px: float) -> Field:

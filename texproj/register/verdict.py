@@ -14,24 +14,19 @@ from numpy.typing import NDArray
 from texproj.camera import Camera
 from texproj.options import StructureOptions
 from texproj.photo import Photo
-from texproj.register.structure_view import (
-    FINE,
-    MIDDLE,
-    Observation,
-    PatchRule,
-    Render,
-    StructureView,
-)
+from texproj.register.mirror import mirrored_candidate, mirrored_view
+from texproj.register.structure_solve import CHECK, LEAST_MATCHES, agrees, found_share, refine
+from texproj.register.structure_view import FINE, Observation, PatchRule, Render, StructureView
 
 Array = NDArray[np.float64]
 
-COARSE_CHECK = PatchRule(MIDDLE, size_px=41, step_px=18, radius_px=8)
 FINE_CHECK = PatchRule(FINE, size_px=65, step_px=20, radius_px=16)
-FOUND_WITHIN_PX = 2.0
-"""A patch agrees if found this close to its place, pixels of the level."""
 CELLS = 6
 """The picture is divided in so many rows and columns to see how far the agreement reaches."""
-LEAST_PATCHES = 12
+LEAST_SYMMETRY = 0.8
+"""Support of the mirrored photo, relative to the photo's, from which on the two are compared."""
+MIRROR_MARGIN = 0.02
+"""By how much the mirrored photo must agree better; symmetric facades differ by .05 - .11."""
 
 
 @dataclass(frozen=True)
@@ -61,33 +56,21 @@ def verify(
 
 def judge(view: StructureView, camera: Camera, options: StructureOptions) -> Verdict:
     """The verdict on `camera` for a photo already prepared."""
-    coarse, fine = view.observe(camera, COARSE_CHECK), view.observe(camera, FINE_CHECK)
-    agreement, support_ = found_share(fine), found_share(coarse)
+    middle, fine = view.observe(camera, CHECK), view.observe(camera, FINE_CHECK)
+    agreement, support = found_share(fine), found_share(middle)
     coverage = covered_share(fine)
-    reason = _refusal(agreement, support_, coverage, fine.patches, options)
-    return Verdict(not reason, reason, agreement, support_, coverage, fine.patches)
-
-
-def support(view: StructureView, camera: Camera) -> float:
-    """Share of middle-level patches found where `camera` says they are; a fast first opinion."""
-    return found_share(view.observe(camera, COARSE_CHECK))
-
-
-def found_share(seen: Observation) -> float:
-    """Share of all patches sought that were found within `FOUND_WITHIN_PX`."""
-    return float(_agrees(seen).sum() / max(seen.patches, LEAST_PATCHES))
+    reason = _refusal(agreement, support, coverage, fine.patches, options)
+    if not reason and _mirrored_fits_better(view, camera, support, agreement, options):
+        reason = "the photo fits better with left and right exchanged (is it a mirrored scan?)"
+    return Verdict(not reason, reason, agreement, support, coverage, fine.patches)
 
 
 def covered_share(seen: Observation) -> float:
     """Share of the cells that hold patches in which at least one agrees."""
     size = (seen.camera.width, seen.camera.height)
     asked = _cells(seen.grid_px, size)
-    held = _cells(seen.matches.source_px[_agrees(seen)], size)
+    held = _cells(seen.matches.source_px[agrees(seen)], size)
     return len(held) / max(len(asked), 1)
-
-
-def _agrees(seen: Observation) -> NDArray[np.bool_]:
-    return np.linalg.norm(seen.offset_px, axis=1) < FOUND_WITHIN_PX
 
 
 def _cells(xy_px: Array, size: tuple[int, int]) -> set[tuple[int, int]]:
@@ -95,13 +78,26 @@ def _cells(xy_px: Array, size: tuple[int, int]) -> set[tuple[int, int]]:
     return set(zip(column.tolist(), row.tolist(), strict=True))
 
 
+def _mirrored_fits_better(
+    view: StructureView, camera: Camera, support: float, agreement: float, options: StructureOptions
+) -> bool:
+    mirrored = mirrored_view(view)
+    rival = mirrored_candidate(view, mirrored, camera)
+    if rival is None or rival.support < LEAST_SYMMETRY * support:
+        return False
+    focal = camera.intrinsics.fx
+    found = refine(mirrored, rival.camera, focal, options.focal_sigma)[1].x
+    check = mirrored.observe(found.resized(camera.width, camera.height), FINE_CHECK)
+    return found_share(check) > agreement + MIRROR_MARGIN
+
+
 def _refusal(
-    agreement: float, support_: float, coverage: float, patches: int, options: StructureOptions
+    agreement: float, support: float, coverage: float, patches: int, options: StructureOptions
 ) -> str:
     """Why the camera is not to be believed; empty if it is."""
-    if patches < LEAST_PATCHES:
+    if patches < LEAST_MATCHES:
         return "too little of the mesh is in view to tell (give a closer start, or pick 4 points)"
-    if agreement < options.min_agreement and support_ < options.min_support:
+    if agreement < options.min_agreement and support < options.min_support:
         return (
             f"only {agreement:.0%} of the mesh's structure is found where this camera puts it "
             "(pick 4 points, or give a closer start)"

@@ -1,0 +1,71 @@
+"""Is the photo printed the wrong way round? A mirrored photo of a symmetric object fits too.
+
+The photo is mirrored and registered from the camera's mirror image; the better fit is right.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.camera import Camera, Intrinsics, Pose
+from texproj.register.structure_solve import Candidate, approach
+from texproj.register.structure_start import placed_starts
+from texproj.register.structure_view import COARSE, StructureView
+
+Array = NDArray[np.float64]
+
+SCALES = (0.86, 1.0, 1.16)
+STARTS = 2
+FLIP = np.diag([-1.0, 1.0, 1.0])
+
+
+def mirrored_view(view: StructureView) -> StructureView:
+    """The view of the photo with left and right exchanged: an edge at angle a runs at -a."""
+    flipped = tuple(np.ascontiguousarray(field[:, ::-1]).conj() for field in view.fields)
+    return replace(view, fields=flipped)
+
+
+def mirrored_candidate(
+    view: StructureView, mirrored: StructureView, camera: Camera
+) -> Candidate | None:
+    """The best camera for the `mirrored` view of a photo near the mirror image of `camera`."""
+    images, _, valid = view.rendering(camera, COARSE)
+    if not valid.any() or images.depth is None or images.normal_in_cam is None:
+        return None
+    here = view.camera_at(camera, COARSE)
+    y, x = np.nonzero(valid)
+    xyz = here.unproject(np.stack([x, y], axis=1) + 0.5, images.depth[valid])
+    middle = np.median(camera.pose.apply(xyz), axis=0)
+    facing = images.normal_in_cam[valid].mean(axis=0).astype(np.float64)
+    start = mirrored_camera(camera, middle, facing)
+    starts = placed_starts(mirrored, start, (0.0,), SCALES, STARTS)
+    found = [c for c in (approach(mirrored, s) for s in starts) if c is not None]
+    return max(found, key=lambda c: c.support, default=None)
+
+
+def mirrored_camera(camera: Camera, middle_in_cam: Array, facing_in_cam: Array) -> Camera:
+    """The camera that sees a symmetric object as the mirrored picture of `camera` shows it.
+
+    The plane of symmetry is taken upright in the picture, through `middle_in_cam` (3,) and along
+    `facing_in_cam` (3,), the object's mean normal.
+    """
+    upright = np.array([0.0, 1.0, 0.0])
+    across = np.cross(facing_in_cam, upright)
+    length = np.linalg.norm(across)
+    across = across / length if length > 1e-6 else np.array([1.0, 0.0, 0.0])
+    reflection = np.eye(3) - 2 * np.outer(across, across)
+    turn = FLIP @ reflection
+    offset = FLIP @ (middle_in_cam - reflection @ middle_in_cam)
+    pose = Pose(turn @ camera.pose.R, turn @ camera.pose.t + offset)
+    return Camera(mirrored_intrinsics(camera.intrinsics), pose)
+
+
+def mirrored_intrinsics(k: Intrinsics) -> Intrinsics:
+    """Of the same photo with left and right exchanged; p2, s1, s2 and ty change their sign."""
+    sign = np.ones(14)
+    sign[[3, 8, 9, 13]] = -1
+    dist = tuple(np.array(k.dist) * sign[: len(k.dist)])
+    return replace(k, cx=k.width - k.cx, dist=dist)

@@ -1,0 +1,110 @@
+"""From a start to a camera: match, agree on a pose, repeat; then least squares over all matches."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.camera import Camera
+from texproj.register.structure_view import FINE, MIDDLE, Observation, PatchRule, StructureView
+from texproj.solve.lm import LmFit, LmOptions, Loss, minimize
+from texproj.solve.pnp import MsacOptions, msac_pose
+from texproj.solve.reprojection import Prior, Reprojection
+
+Array = NDArray[np.float64]
+
+# In pixels of levels that are 768 and 384 px long; chosen on two scenes (see the benchmark).
+WIDE = PatchRule(MIDDLE, size_px=41, step_px=18, radius_px=20, peaks=2)
+NEAR = PatchRule(MIDDLE, size_px=41, step_px=18, radius_px=12)
+EXACT = PatchRule(FINE, size_px=65, step_px=20, radius_px=12)
+LAST = PatchRule(FINE, size_px=65, step_px=20, radius_px=8)
+CHECK = PatchRule(MIDDLE, size_px=41, step_px=18, radius_px=8)
+
+MIDDLE_SCALE_PX, FINE_SCALE_PX = 1.0, 1.5
+"""Cauchy scales: the scatter of right matches at each level."""
+FOUND_WITHIN_PX = 2.0
+"""A patch agrees with a camera if found this close to its place, pixels of the level."""
+LEAST_MATCHES = 12
+"""Matches, and patches, below which nothing is concluded."""
+STEPS = LmOptions(max_iterations=30, cost_tolerance=1e-6)
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A camera (full size), the share of patches found where it puts them (middle level), and
+    (n, 3) surface points in its view.
+    """
+
+    camera: Camera
+    support: float
+    seen: Array
+
+
+def approach(view: StructureView, start: Camera) -> Candidate | None:
+    """The camera to which the matches lead from `start` at the middle level; None if nowhere."""
+    camera: Camera | None = start
+    for rule in (WIDE, NEAR):
+        if camera is not None:
+            camera = consensus(view.observe(camera, rule), camera, MIDDLE_SCALE_PX)
+    if camera is None:
+        return None
+    check = view.observe(camera, CHECK)
+    return Candidate(camera, found_share(check), check.xyz_in_world)
+
+
+def refine(
+    view: StructureView, camera: Camera, expected_focal_px: float, focal_sigma: float
+) -> tuple[Observation, LmFit[Camera]]:
+    """The last matches at the fine level and the fit to them, pose and focal length together.
+
+    expected_focal_px: fx of the full-size photo, with relative standard deviation `focal_sigma`.
+    """
+    seen = view.observe(camera, EXACT)
+    moved = consensus(seen, camera, FINE_SCALE_PX) or camera
+    prior = (expected_focal_px, focal_sigma)
+    found = least_squares(seen, moved, *prior).x.resized(camera.width, camera.height)
+    seen = view.observe(found, LAST)
+    return seen, least_squares(seen, found, *prior)
+
+
+def consensus(seen: Observation, camera: Camera, scale_px: float) -> Camera | None:
+    """`camera` (full size) moved to the pose on which most matches agree; None if none do."""
+    matches = seen.matches
+    if len(matches) < LEAST_MATCHES:
+        return None
+    threshold = max(2.5, seen.rule.radius_px / 6)
+    setting = MsacOptions(threshold, polished=1)
+    fit = msac_pose(matches.target_px, seen.xyz_in_world, seen.camera.intrinsics, setting)
+    if fit is None:
+        return None
+    problem = Reprojection(matches.target_px, seen.xyz_in_world, scale_px)
+    found = minimize(problem, replace(seen.camera, pose=fit.pose), Loss("cauchy"), STEPS).x
+    return replace(camera, pose=found.pose)
+
+
+def least_squares(
+    seen: Observation, camera: Camera, expected_focal_px: float, focal_sigma: float
+) -> LmFit[Camera]:
+    """All matches under a Cauchy loss; the fit's camera has the level's size."""
+    here = camera.resized(seen.camera.width, seen.camera.height)
+    focal = float(np.log(expected_focal_px * here.width / camera.width))
+    problem = Reprojection(
+        seen.matches.target_px,
+        seen.xyz_in_world,
+        FINE_SCALE_PX,
+        ("focal",),
+        (Prior("focal", focal, focal_sigma),),
+    )
+    return minimize(problem, here, Loss("cauchy"), STEPS)
+
+
+def agrees(seen: Observation) -> NDArray[np.bool_]:
+    """(n,) which matches are within `FOUND_WITHIN_PX` of their place."""
+    return np.linalg.norm(seen.offset_px, axis=1) < FOUND_WITHIN_PX
+
+
+def found_share(seen: Observation) -> float:
+    """Share of all patches sought that were found in place."""
+    return float(agrees(seen).sum() / max(seen.patches, LEAST_MATCHES))
