@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,8 +19,11 @@ Faces = NDArray[np.int32]
 
 MESH_SUFFIXES = (".ply", ".obj", ".stl", ".off", ".glb", ".gltf")
 
-_OBJ_OTHER = re.compile(rb"^(?![vf][ \t]).*$\n?", re.MULTILINE)
-_OBJ_INDEX = re.compile(rb"/[-\d/]*")
+_OBJ_VERTEX = re.compile(rb"^[ \t]*v[ \t]+(.*)$", re.MULTILINE)
+_OBJ_FACE = re.compile(rb"^[ \t]*f[ \t]+(.*)$", re.MULTILINE)
+_OBJ_KIND = re.compile(rb"^[ \t]*([vf])[ \t]", re.MULTILINE)
+_OFF_COUNTS = re.compile(rb"OFF\s+(?:#.*\s+)*\d+\s+(\d+)")
+_OBJ_OTHER_INDICES = re.compile(rb"/[-\d/]*")
 
 
 def read_mesh(path: Path) -> tuple[Vertices, Faces]:
@@ -46,22 +50,32 @@ def read_mesh(path: Path) -> tuple[Vertices, Faces]:
 
 
 def _parsed(path: Path, kind: str, data: bytes) -> tuple[Vertices, Faces]:
-    attempts: list[Callable[[], tuple[Vertices, Faces]]] = [
-        lambda: _by_trimesh(path, kind, data),
-        lambda: _by_pymeshlab(path),
-    ]
-    reason = ""
-    for attempt in attempts:
+    """By the first of our parsers that finds triangles, else what it found."""
+    parsers: list[Callable[[], tuple[Vertices, Faces]]]
+    if kind == ".obj":
+        parsers = [lambda: _obj(data)]
+    elif kind == ".ply":  # the second one knows mixed polygons and triangle strips
+        parsers = [lambda: _by_trimesh(path, kind, data), lambda: _by_pymeshlab(path)]
+    else:
+        parsers = [lambda: _by_trimesh(path, kind, data)]
+    reason, found = "", None
+    for parser in parsers:
         try:
-            return attempt()
+            vertices, faces = parser()
         except _PARSER_ERRORS as error:
-            reason = reason or " ".join(str(error).split())[:100]
-    raise InputError(f"{path}: broken or not a {kind[1:]} file ({reason})")
+            reason = reason or " ".join(str(error).split())[:100] or type(error).__name__
+        else:
+            if len(faces):
+                return vertices, faces
+            found = found or (vertices, faces)
+    if found is None:
+        raise InputError(f"{path}: broken or not a {kind[1:]} file ({reason})")
+    return found
 
 
 _PARSER_ERRORS = (
-    ValueError, KeyError, IndexError, TypeError, AttributeError, ArithmeticError,
-    NotImplementedError, OSError, ImportError, RuntimeError, EOFError,
+    ValueError, KeyError, IndexError, TypeError, AttributeError, ArithmeticError, MemoryError,
+    NotImplementedError, OSError, ImportError, RuntimeError, EOFError, DeprecationWarning,
 )  # fmt: skip
 """What parsers of other hands raise on broken input."""
 
@@ -70,15 +84,14 @@ def _by_trimesh(path: Path, kind: str, data: bytes) -> tuple[Vertices, Faces]:
     import trimesh  # noqa: PLC0415 - half a second, only where a mesh is read
 
     options: dict[str, Any] = {"process": False, "file_type": kind[1:]}
-    if kind == ".obj":
-        # without texture coordinates and materials the file's vertex order stays
-        data = _OBJ_INDEX.sub(b"", _OBJ_OTHER.sub(b"", data))
-    if kind == ".ply":
+    if kind == ".ply":  # else vertices are split and renumbered where texture seams run
         options |= {"fix_texture": False, "skip_materials": True}
     if kind == ".gltf":
         options["resolver"] = trimesh.resolvers.FilePathResolver(str(path))
-    scene = trimesh.load_scene(io.BytesIO(data), **options)
-    return _merged(scene)
+    vertices, faces = _merged(trimesh.load_scene(io.BytesIO(data), **options))
+    if kind == ".off" and (counts := _OFF_COUNTS.search(data)) and len(faces) < int(counts[1]):
+        raise ValueError(f"{len(faces)} of {int(counts[1])} faces: the file was cut off")
+    return vertices, faces
 
 
 def _merged(scene: Any) -> tuple[Vertices, Faces]:
@@ -93,13 +106,74 @@ def _merged(scene: Any) -> tuple[Vertices, Faces]:
         vertices.append(xyz)
         faces.append(np.asarray(getattr(part, "faces", faces[0])) + offset)
         offset += len(xyz)
-    return np.concatenate(vertices), np.concatenate(faces).astype(np.int32)
+    return np.concatenate(vertices), _int32(np.concatenate(faces))
 
 
 def _by_pymeshlab(path: Path) -> tuple[Vertices, Faces]:
     import pymeshlab  # noqa: PLC0415 - needs GL libraries that may be missing
 
     meshes = pymeshlab.MeshSet()
-    meshes.load_new_mesh(str(path))
+    try:
+        meshes.load_new_mesh(str(path))
+    except pymeshlab.PyMeshLabException as error:
+        raise ValueError(str(error)) from None
     mesh = meshes.current_mesh()
-    return mesh.vertex_matrix(), mesh.face_matrix().astype(np.int32)
+    return mesh.vertex_matrix(), _int32(mesh.face_matrix())
+
+
+def _int32(indices: NDArray[Any]) -> Faces:
+    """Indices that do not fit stay out of range."""
+    return np.clip(indices, -1, np.iinfo(np.int32).max).astype(np.int32)
+
+
+def _obj(data: bytes) -> tuple[Vertices, Faces]:
+    """Positions and faces of an OBJ in the file's order, whatever its groups and materials.
+
+    Ours, since readers at hand split vertices at texture seams and materials, and take negative
+    indices as counted from the end of the file instead of from their line.
+    """
+    data = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
+    lines = _OBJ_VERTEX.findall(data)
+    polygons = _OBJ_FACE.findall(data)
+    if not lines:
+        raise ValueError("no vertices")
+    return _obj_positions(lines), _obj_faces(data, polygons)
+
+
+def _obj_positions(lines: list[bytes]) -> Vertices:
+    """x y z of lines that may go on with a weight or a color."""
+    columns = len(lines[0].split())
+    values = _numbers(b"\n".join(lines), np.float64)
+    if columns < 3 or len(values) != columns * len(lines):
+        return np.array([line.split()[:3] for line in lines], np.float64)
+    return np.ascontiguousarray(values.reshape(-1, columns)[:, :3])
+
+
+def _obj_faces(data: bytes, polygons: list[bytes]) -> Faces:
+    """Polygons as fans of triangles around their first corner."""
+    if not polygons:
+        return np.zeros((0, 3), np.int32)
+    # 0 is no index: it ends each polygon
+    text = _OBJ_OTHER_INDICES.sub(b"", b" 0 ".join(polygons) + b" 0")
+    corners = _numbers(text, np.int64)
+    ends = np.flatnonzero(corners == 0)
+    if len(ends) != len(polygons):
+        raise ValueError("a face with index 0")
+    starts = np.concatenate([[0], ends[:-1] + 1])
+    counts = np.maximum(ends - starts - 2, 0)
+    polygon = np.repeat(np.arange(len(starts)), counts)
+    nth = np.arange(len(polygon)) - np.repeat(np.cumsum(counts) - counts, counts)
+    first = starts[polygon]
+    faces = corners[np.stack([first, first + nth + 1, first + nth + 2], axis=1)]
+    if (faces < 0).any():
+        kinds = np.frombuffer(b"".join(_OBJ_KIND.findall(data)), "S1")
+        known = np.cumsum(kinds == b"v")[kinds == b"f"][polygon]
+        faces = np.where(faces < 0, faces + known[:, None] + 1, faces)
+    return _int32(faces - 1)
+
+
+def _numbers(text: bytes, dtype: type[np.generic]) -> NDArray[Any]:
+    """All white-space separated numbers. Raises DeprecationWarning or ValueError for others."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", DeprecationWarning)
+        return np.fromstring(text, dtype, sep=" ")

@@ -1,0 +1,277 @@
+"""Reading meshes of every format, as scanners and modelers write them."""
+
+import json
+import struct
+import time
+
+import numpy as np
+import pytest
+import trimesh
+
+from texproj.errors import InputError
+from texproj.formats.meshes import MESH_SUFFIXES, read_mesh
+from texproj.repair import repair
+
+TETRA = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float)
+TETRA_FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+
+
+def same_surface(vertices, faces, expected_vertices, expected_faces, atol=0.0):
+    """Whether two meshes have the same triangles in the same order."""
+    np.testing.assert_allclose(
+        vertices[faces], expected_vertices[expected_faces], rtol=0, atol=atol
+    )
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".stl", ".off", ".glb", ".gltf"])
+def test_every_format_gives_the_triangles_of_the_file(tmp_path, suffix):
+    path = tmp_path / f"scan{suffix}"
+    exported = trimesh.Trimesh(TETRA, TETRA_FACES, process=False).export(file_type=suffix[1:])
+    if isinstance(exported, dict):
+        for name, data in exported.items():
+            (tmp_path / name).write_bytes(data)
+        path = tmp_path / "model.gltf"
+    else:
+        path.write_bytes(exported.encode() if isinstance(exported, str) else exported)
+    vertices, faces = read_mesh(path)
+    assert (vertices.dtype, faces.dtype) == (np.float64, np.int32)
+    same_surface(vertices, faces, TETRA, TETRA_FACES, atol=1e-7)
+    assert suffix in MESH_SUFFIXES
+
+
+def ply(header_lines, body, kind="binary_little_endian"):
+    header = "\n".join(["ply", f"format {kind} 1.0", *header_lines, "end_header", ""])
+    return header.encode() + body
+
+
+def test_double_coordinates_of_a_ply_keep_every_bit(tmp_path):
+    vertices = TETRA * 0.1 + (691_607.123456789, 5_334_760.987654321, 512.3)
+    body = vertices.astype("<f8").tobytes()
+    body += b"".join(struct.pack("<B3i", 3, *face) for face in TETRA_FACES.tolist())
+    lines = ["element vertex 4", *(f"property double {c}" for c in "xyz")]
+    lines += ["element face 4", "property list uchar int vertex_indices"]
+    (tmp_path / "utm.ply").write_bytes(ply(lines, body))
+    read, faces = read_mesh(tmp_path / "utm.ply")
+    np.testing.assert_array_equal(read, vertices)
+    np.testing.assert_array_equal(faces, TETRA_FACES)
+
+
+def test_a_scanner_ply_with_colors_quality_and_face_flags(tmp_path):
+    """Big-endian, properties between and after the coordinates, two properties per face."""
+    dtype = [(c, ">f4") for c in "xyz"] + [(c, "u1") for c in ("red", "green", "blue", "quality")]
+    rows = np.zeros(4, dtype)
+    for k, c in enumerate("xyz"):
+        rows[c] = TETRA[:, k]
+    body = rows.tobytes()
+    body += b"".join(struct.pack(">BB3i", 7, 3, *face) for face in TETRA_FACES.tolist())
+    lines = ["comment scanner", "obj_info num_cols 4", "element vertex 4"]
+    lines += [f"property float {c}" for c in "xyz"]
+    lines += [f"property uchar {c}" for c in ("red", "green", "blue", "quality")]
+    lines += ["element face 4", "property uchar flags", "property list uchar int vertex_indices"]
+    (tmp_path / "scan.ply").write_bytes(ply(lines, body, "binary_big_endian"))
+    vertices, faces = read_mesh(tmp_path / "scan.ply")
+    np.testing.assert_array_equal(vertices, TETRA)
+    np.testing.assert_array_equal(faces, TETRA_FACES)
+
+
+def test_a_ply_of_mixed_polygons_is_triangulated(tmp_path):
+    """A pyramid: one square and four triangles."""
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.5, 1]])
+    polygons = [[3, 2, 1, 0], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]
+    body = vertices.astype("<f4").tobytes()
+    body += b"".join(struct.pack(f"<B{len(p)}i", len(p), *p) for p in polygons)
+    lines = ["element vertex 5", *(f"property float {c}" for c in "xyz")]
+    lines += ["element face 5", "property list uchar int vertex_indices"]
+    (tmp_path / "pyramid.ply").write_bytes(ply(lines, body))
+    read, faces = read_mesh(tmp_path / "pyramid.ply")
+    assert len(faces) == 6
+    solid = trimesh.Trimesh(read, faces)
+    assert solid.is_watertight
+    assert solid.volume == pytest.approx(1 / 3)
+
+
+def test_a_textured_ply_keeps_the_vertices_of_the_file(tmp_path):
+    """Texture seams do not split or renumber vertices."""
+    body = TETRA.astype("<f4").tobytes()
+    rng = np.random.default_rng(0)
+    for face in TETRA_FACES.tolist():
+        body += struct.pack("<B3iB6f", 3, *face, 6, *rng.random(6))
+    lines = ["comment TextureFile none.png", "element vertex 4"]
+    lines += [f"property float {c}" for c in "xyz"]
+    lines += ["element face 4", "property list uchar int vertex_indices"]
+    lines += ["property list uchar float texcoord"]
+    (tmp_path / "t.ply").write_bytes(ply(lines, body))
+    vertices, faces = read_mesh(tmp_path / "t.ply")
+    np.testing.assert_array_equal(vertices, TETRA)
+    np.testing.assert_array_equal(faces, TETRA_FACES)
+
+
+def test_an_ascii_ply(tmp_path):
+    lines = ["element vertex 4", *(f"property double {c}" for c in "xyz")]
+    lines += ["element face 4", "property list uchar int vertex_index"]
+    body = "".join("{:.17g} {:.17g} {:.17g}\n".format(*v) for v in TETRA / 3)
+    body += "".join("3 {} {} {}\n".format(*f) for f in TETRA_FACES)
+    (tmp_path / "a.ply").write_bytes(ply(lines, body.encode(), "ascii"))
+    vertices, faces = read_mesh(tmp_path / "a.ply")
+    np.testing.assert_array_equal(vertices, TETRA / 3)
+    np.testing.assert_array_equal(faces, TETRA_FACES)
+
+
+OBJ_VARIANTS = {
+    "plain": "f {0} {1} {2}",
+    "texture": "f {0}/3 {1}/1 {2}/2",
+    "normals": "f {0}//1 {1}//2 {2}//1",
+    "both": "f {0}/3/1 {1}/1/2 {2}/2/1",
+    "negative": "f {3} {4} {5}",
+    "negative with texture": "f {3}/-1/-2 {4}/-2/-2 {5}/-3/-1",
+}
+
+
+@pytest.mark.parametrize("face", OBJ_VARIANTS.values(), ids=OBJ_VARIANTS.keys())
+@pytest.mark.parametrize("newline", ["\n", "\r\n"], ids=["unix", "dos"])
+def test_an_obj_keeps_its_vertex_order_whatever_hangs_on_the_corners(tmp_path, face, newline):
+    lines = ["# comment", "mtllib none.mtl", "o one"]
+    lines += ["v {} {} {} 0.5 0.25 1".format(*v) for v in TETRA]
+    lines += ["vt 0 0", "vt 1 0", "vt 0 1", "vn 0 0 1", "vn 0 1 0", "s off"]
+    for i, f in enumerate(TETRA_FACES):
+        lines += [f"usemtl m{i % 2}", f"g part{i}", face.format(*(f + 1), *(f - 4))]
+    (tmp_path / "m.obj").write_bytes(newline.join(lines).encode())
+    vertices, faces = read_mesh(tmp_path / "m.obj")
+    np.testing.assert_array_equal(vertices, TETRA)
+    np.testing.assert_array_equal(faces, TETRA_FACES)
+
+
+def test_negative_indices_count_from_their_own_line(tmp_path):
+    text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\nv 0 0 1\nv 1 0 1\nv 0 1 1\nf -3 -2 -1\n"
+    (tmp_path / "m.obj").write_text(text)
+    np.testing.assert_array_equal(read_mesh(tmp_path / "m.obj")[1], [[0, 1, 2], [3, 4, 5]])
+
+
+def test_obj_polygons_become_fans_and_mixed_lines_of_vertices_are_read(tmp_path):
+    text = "v 0 0 0\nv 1 0 0 0.1 0.2 0.3\nv 1 1 0\n v 0 1 0\nv 0.5 2 0\n"
+    text += "f 1 2 3 4 5\nf 1 2\nf 1 2 \\\n3\n"
+    (tmp_path / "m.obj").write_text(text)
+    vertices, faces = read_mesh(tmp_path / "m.obj")
+    np.testing.assert_array_equal(faces, [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 1, 2]])
+    np.testing.assert_array_equal(vertices[1], [1, 0, 0])
+
+
+def test_obj_faces_out_of_range_are_left_to_the_repair(tmp_path):
+    (tmp_path / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2 4\nf 1 2 -9\n")
+    source = repair(*read_mesh(tmp_path / "m.obj"))
+    assert source.repairs == {"faces out of range": 2}
+
+
+def test_an_ascii_stl(tmp_path):
+    text = "solid tetra\n"
+    for face in TETRA_FACES:
+        text += "facet normal 0 0 0\n outer loop\n"
+        text += "".join("  vertex {} {} {}\n".format(*TETRA[v]) for v in face)
+        text += " endloop\nendfacet\n"
+    (tmp_path / "t.stl").write_text(text + "endsolid tetra\n")
+    vertices, faces = read_mesh(tmp_path / "t.stl")
+    same_surface(vertices, faces, TETRA, TETRA_FACES)
+    assert repair(vertices, faces).repairs == {"welded vertices": 8}
+
+
+def test_the_parts_of_a_scene_are_placed_by_their_transforms(tmp_path):
+    """Two nodes share one part; one is turned by a quarter and lies under a moved parent."""
+    part = trimesh.Trimesh(TETRA, TETRA_FACES, process=False)
+    scene = trimesh.Scene()
+    turn = trimesh.transformations.rotation_matrix(np.pi / 2, [0, 0, 1])
+    move = trimesh.transformations.translation_matrix([10, 20, 30])
+    scene.add_geometry(part, node_name="a", geom_name="part")
+    scene.graph.update(frame_from="world", frame_to="group", matrix=move)
+    scene.graph.update(frame_from="group", frame_to="b", matrix=turn, geometry="part")
+    (tmp_path / "s.glb").write_bytes(scene.export(file_type="glb"))
+    vertices, faces = read_mesh(tmp_path / "s.glb")
+    turned = TETRA @ turn[:3, :3].T + (10, 20, 30)
+    assert len(faces) == 8
+    got = {tuple(map(tuple, t)) for t in np.round(vertices[faces], 5).tolist()}
+    expected = np.concatenate([TETRA[TETRA_FACES], turned[TETRA_FACES]])
+    assert got == {tuple(map(tuple, t)) for t in np.round(expected, 5).tolist()}
+
+
+def cloud_ply():
+    lines = ["element vertex 4", *(f"property float {c}" for c in "xyz")]
+    return ply(lines, TETRA.astype("<f4").tobytes())
+
+
+def glb_without_geometry():
+    text = json.dumps({"asset": {"version": "2.0"}}).encode()
+    text += b" " * (-len(text) % 4)
+    return struct.pack("<4sIII4s", b"glTF", 2, 20 + len(text), len(text), b"JSON") + text
+
+
+def test_a_point_cloud_says_so(tmp_path):
+    (tmp_path / "c.ply").write_bytes(cloud_ply())
+    with pytest.raises(InputError, match=r"c\.ply.*points but no faces"):
+        read_mesh(tmp_path / "c.ply")
+    (tmp_path / "c.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\n")
+    with pytest.raises(InputError, match=r"c\.obj.*points but no faces"):
+        read_mesh(tmp_path / "c.obj")
+
+
+BROKEN = {
+    "text.ply": b"This is not a mesh.\n",
+    "text.obj": b"This is not a mesh.\n",
+    "text.stl": b"This is not a mesh.\n",
+    "text.off": b"This is not a mesh.\n",
+    "text.glb": b"This is not a mesh.\n",
+    "text.gltf": b"This is not a mesh.\n",
+    "noise.ply": np.random.default_rng(1).bytes(5000),
+    "noise.obj": np.random.default_rng(2).bytes(5000),
+    "noise.stl": np.random.default_rng(3).bytes(5000),
+    "noise.off": np.random.default_rng(4).bytes(5000),
+    "noise.glb": np.random.default_rng(5).bytes(5000),
+    "noise.gltf": np.random.default_rng(6).bytes(5000),
+    "words.obj": b"v 0 0 0\nv 1 0 0\nv 0 one 0\nf 1 2 3\n",
+    "zero.obj": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n",
+    "nothing.glb": glb_without_geometry(),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_broken_file_is_one_sentence_that_names_it(tmp_path, name):
+    (tmp_path / name).write_bytes(BROKEN[name])
+    with pytest.raises(InputError) as error:
+        read_mesh(tmp_path / name)
+    message = str(error.value)
+    assert message.startswith(str(tmp_path / name))
+    assert "\n" not in message
+    assert "Traceback" not in message
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".stl", ".off", ".glb"])
+@pytest.mark.parametrize("kept", [0.3, 0.7, 0.97])
+def test_a_truncated_file_is_refused(tmp_path, suffix, kept):
+    sphere = trimesh.creation.icosphere(2)
+    data = sphere.export(file_type=suffix[1:])
+    data = data.encode() if isinstance(data, str) else data
+    path = tmp_path / f"cut{suffix}"
+    path.write_bytes(data[: int(len(data) * kept)])
+    with pytest.raises(InputError, match=f"cut{suffix}"):
+        read_mesh(path)
+
+
+def test_missing_empty_and_unknown_files(tmp_path):
+    with pytest.raises(InputError, match=r"none\.ply: cannot be read"):
+        read_mesh(tmp_path / "none.ply")
+    (tmp_path / "zero.stl").write_bytes(b"")
+    with pytest.raises(InputError, match=r"zero\.stl: the file is empty"):
+        read_mesh(tmp_path / "zero.stl")
+    (tmp_path / "scan.e57").write_bytes(b"x")
+    with pytest.raises(InputError, match="not a mesh file"):
+        read_mesh(tmp_path / "scan.e57")
+
+
+def test_large_files_are_quick(tmp_path):
+    """A quarter of a million faces: processor time, bounds generous for busy machines."""
+    sphere = trimesh.creation.icosphere(7)
+    for suffix, seconds in {".ply": 1.0, ".glb": 1.0, ".stl": 2.0, ".obj": 3.0}.items():
+        data = sphere.export(file_type=suffix[1:])
+        path = tmp_path / f"s{suffix}"
+        path.write_bytes(data.encode() if isinstance(data, str) else data)
+        start = time.process_time()
+        assert len(read_mesh(path)[1]) == len(sphere.faces) == 327_680
+        assert time.process_time() - start < seconds
