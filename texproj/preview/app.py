@@ -1,0 +1,271 @@
+"""The server's addresses: what the page asks and how it is answered."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator
+from importlib.resources import files
+from json import JSONDecodeError
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
+from starlette.routing import Route
+
+from texproj.errors import InputError, TexprojError, UsageError
+from texproj.preview import work
+from texproj.preview.colors import vertex_colors
+from texproj.preview.geometry import pack
+from texproj.preview.photos import SIZES, jpeg_of
+from texproj.preview.picking import (
+    MATCH_LONGEST,
+    fit_picks,
+    parse_camera,
+    predict_on_model,
+    predict_on_photo,
+)
+from texproj.preview.picks import VersionConflict, load_picks, numbers, parse_picks, save_picks
+from texproj.preview.security import BodyTooLong, refuse
+from texproj.preview.session import MODEL_FILES, Session, changed, stamps
+
+BINARY = "application/octet-stream"
+BUNDLE = {
+    "app.js": "text/javascript; charset=utf-8",
+    "app.css": "text/css; charset=utf-8",
+    "index.html": "text/html; charset=utf-8",
+    "icon.svg": "image/svg+xml",
+}
+WATCH_INTERVAL_S = 0.7
+
+
+def bundle_folder() -> Path:
+    """Where the built page is. Raises InputError if it was not built."""
+    folder = Path(str(files("texproj.preview"))) / "static" / "bundle"
+    if not (folder / "index.html").is_file():
+        raise InputError(f"the page is not built ({folder} is missing); run `pip install .`")
+    return folder
+
+
+def create_app(session: Session) -> Starlette:
+    """The application for one project. Raises InputError if the page was not built."""
+    folder = bundle_folder()
+    handlers = Handlers(session, folder)
+
+    @contextlib.asynccontextmanager
+    async def lifespan(_: Starlette) -> AsyncIterator[None]:
+        watcher = asyncio.create_task(watch(session))
+        session.warm_up()
+        yield
+        watcher.cancel()
+        session.close()
+
+    errors: dict[Any, Any] = {
+        TexprojError: on_texproj_error,
+        BodyTooLong: on_long_body,
+        HTTPException: on_http_error,
+    }
+    return Starlette(routes=handlers.routes(), lifespan=lifespan, exception_handlers=errors)
+
+
+class Handlers:
+    """One method an address."""
+
+    def __init__(self, session: Session, bundle: Path) -> None:
+        self.session = session
+        self.bundle = bundle
+
+    def routes(self) -> list[Route]:
+        """All addresses."""
+        photo = "/api/photos/{name}"
+        return [
+            Route("/", self.page),
+            Route("/static/{name}", self.static),
+            Route("/api/project", self.project),
+            Route("/api/events", self.events),
+            Route("/api/mesh/{level}", self.mesh),
+            Route("/api/colors", self.colors),
+            Route("/api/layers/{layer}", self.layer),
+            Route("/api/models/{name}", self.model),
+            Route("/api/hit", self.hit, methods=["POST"]),
+            Route("/api/jobs", self.start_job, methods=["POST"]),
+            Route("/api/jobs/{number:int}", self.cancel_job, methods=["DELETE"]),
+            Route(f"{photo}/image", self.image),
+            Route(f"{photo}/picks", self.picks),
+            Route(f"{photo}/picks", self.save, methods=["PUT"]),
+            Route(f"{photo}/fit", self.fit, methods=["POST"]),
+            Route(f"{photo}/predict", self.predict, methods=["POST"]),
+        ]
+
+    def page(self, _: Request) -> Response:
+        return self.bundled("index.html")
+
+    def static(self, request: Request) -> Response:
+        return self.bundled(request.path_params["name"])
+
+    def bundled(self, name: str) -> Response:
+        """One of the few files of the page."""
+        if name not in BUNDLE:
+            raise HTTPException(404, "no such file")
+        headers = {"cache-control": "no-cache"}
+        return FileResponse(self.bundle / name, media_type=BUNDLE[name], headers=headers)
+
+    def project(self, _: Request) -> Response:
+        return JSONResponse(self.session.facts())
+
+    async def events(self, _: Request) -> Response:
+        hello = {"jobs": [job.as_dict() for job in self.session.jobs.active]}
+        return StreamingResponse(self.session.hub.stream(hello), media_type="text/event-stream")
+
+    def mesh(self, request: Request) -> Response:
+        level = request.path_params["level"]
+        if level not in ("full", "light"):
+            raise HTTPException(404, "no such level of detail")
+        surface = self.session.surface
+        data = surface.full_pack if level == "full" else surface.light_pack
+        return Response(data or b"", 200 if data else 204, media_type=BINARY)
+
+    def colors(self, _: Request) -> Response:
+        rgba = vertex_colors(self.session.project, self.session.surface)
+        return Response(pack({"rgba": rgba}), media_type=BINARY)
+
+    async def layer(self, request: Request) -> Response:
+        name, photo = request.path_params["layer"], request.query_params.get("photo", "")
+        values = await work.layer_values(self.session, name, photo)
+        return Response(pack({"values": values}), media_type=BINARY)
+
+    def model(self, request: Request) -> Response:
+        name = request.path_params["name"]
+        path = self.session.project.out / name
+        if name not in MODEL_FILES or not path.is_file():
+            raise HTTPException(404, "no such model")
+        inside(path, self.session.root)
+        return FileResponse(path, media_type=MODEL_FILES[name])
+
+    async def hit(self, request: Request) -> Response:
+        data = await body(request)
+        origin = np.array(numbers(data.get("origin"), 3))
+        direction = np.array(numbers(data.get("direction"), 3))
+        if not np.linalg.norm(direction) > 0:
+            raise UsageError("a direction cannot be zero")
+        found = await run_in_threadpool(lambda: self.session.surface.hit(origin, direction))
+        return JSONResponse(found.as_dict() if found else None)
+
+    async def start_job(self, request: Request) -> Response:
+        data = await body(request)
+        job = work.start(self.session, data.get("kind"), data.get("photo"))
+        return JSONResponse(job.as_dict(), status_code=202)
+
+    def cancel_job(self, request: Request) -> Response:
+        found = self.session.jobs.cancel(request.path_params["number"])
+        return JSONResponse({"cancelled": found}, status_code=202 if found else 404)
+
+    def image(self, request: Request) -> Response:
+        name, project = request.path_params["name"], self.session.project
+        size = request.query_params.get("size", str(SIZES[0]))
+        if name not in project.photo_paths or size not in map(str, SIZES):
+            raise HTTPException(404, "no such picture")
+        return Response(jpeg_of(project, name, int(size)), media_type="image/jpeg")
+
+    def picks(self, request: Request) -> Response:
+        project, name = self.photo_of(request)
+        return JSONResponse(work.picks_answer(self.session, load_picks(project, name)))
+
+    async def save(self, request: Request) -> Response:
+        data = await body(request)
+        project, name = self.photo_of(request)
+        picks, base = parse_picks(data.get("picks")), str(data.get("base"))
+
+        def write() -> Response:
+            with self.session.picks_lock:
+                try:
+                    saved, status = save_picks(project, name, picks, base), 200
+                except VersionConflict:
+                    saved, status = load_picks(project, name), 409
+            answer = work.picks_answer(self.session, saved)
+            return JSONResponse(answer, status_code=status)
+
+        return await run_in_threadpool(write)
+
+    async def fit(self, request: Request) -> Response:
+        data = await body(request)
+        project, name = self.photo_of(request)
+        picks = parse_picks(data.get("picks"))
+        return JSONResponse(await run_in_threadpool(fit_picks, project, name, picks))
+
+    async def predict(self, request: Request) -> Response:
+        data = await body(request)
+        project, name = self.photo_of(request)
+        camera, surface = parse_camera(data.get("camera")), self.session.surface
+        on_model = "uv" in data
+        given = np.array(numbers(data.get("uv" if on_model else "xyz"), 2 if on_model else 3))
+        find = predict_on_model if on_model else predict_on_photo
+
+        def run() -> dict[str, Any] | None:
+            key = ["gray", name, project.hash_of(project.photo_path(name))]
+            photo = self.session.kept(key, lambda: project.load_photo(name, MATCH_LONGEST))
+            found = find(surface, photo, camera, given)
+            return found.as_dict() if found else None
+
+        return JSONResponse(await run_in_threadpool(run))
+
+    def photo_of(self, request: Request) -> tuple[Any, str]:
+        """The project and the photo that an address names; only photos of the project exist."""
+        project, name = self.session.project, request.path_params["name"]
+        if name not in project.photo_paths:
+            raise HTTPException(404, "no such photo")
+        inside(project.correspondences_path(name), self.session.root)
+        return project, name
+
+
+def inside(path: Path, root: Path) -> None:
+    """Refuse a path that leaves the project, by whatever links."""
+    if not path.resolve().is_relative_to(root.resolve()):
+        raise HTTPException(403, "this file lies outside of the project folder")
+
+
+async def body(request: Request) -> dict[str, Any]:
+    """The JSON object that a request carries; only that type is read, which other web sites
+    cannot send without asking first."""
+    if request.headers.get("content-type", "").split(";")[0].strip() != "application/json":
+        raise HTTPException(415, "send application/json")
+    try:
+        data = await request.json()
+    except (JSONDecodeError, UnicodeDecodeError, RecursionError):
+        raise HTTPException(400, "not JSON") from None
+    if not isinstance(data, dict):
+        raise HTTPException(400, "expected a JSON object")
+    return data
+
+
+async def watch(session: Session) -> None:
+    """Tell the pages what changed in the folder, whoever did it."""
+    before = await run_in_threadpool(stamps, session.root)
+    while True:
+        await asyncio.sleep(WATCH_INTERVAL_S)
+        after = await run_in_threadpool(stamps, session.root)
+        paths = changed(before, after)
+        before = after
+        if paths:
+            session.hub.send("files", {"changed": sorted(paths)[:200]})
+
+
+def on_texproj_error(_: Request, error: Exception) -> Response:
+    """What a person can mend, in the sentence that the command line would print."""
+    return refuse(400 if isinstance(error, UsageError) else 422, str(error))
+
+
+def on_long_body(_: Request, __: Exception) -> Response:
+    """Too much was sent."""
+    return refuse(413, "the request is too long")
+
+
+def on_http_error(_: Request, error: Exception) -> Response:
+    """Anything else that is refused."""
+    assert isinstance(error, HTTPException)
+    return refuse(error.status_code, error.detail)

@@ -1,0 +1,86 @@
+"""The mesh as bytes that a graphics card takes as they are, and a light stand-in for it.
+
+A pack is: 4 bytes little-endian length of a JSON header; the header, padded with spaces to a
+multiple of 4; then the arrays one after the other, each padded to a multiple of 4. The header
+tells name, dtype, shape and byte offset (from the end of the header) of each array.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.errors import TexprojError
+from texproj.mesh import Mesh, vertex_normals
+
+ALIGNMENT = 4
+
+
+@dataclass(frozen=True, eq=False)
+class LightMesh:
+    """A mesh of few faces for use while the view moves.
+
+    mesh: the simplified surface; vertex_of_light: (L,) int32, for each of its vertices the
+    nearest vertex of the full mesh, where its color is taken.
+    """
+
+    mesh: Mesh
+    vertex_of_light: NDArray[np.int32]
+
+
+def pack(arrays: dict[str, NDArray[Any]], **facts: Any) -> bytes:
+    """Arrays and some facts about them as one block of bytes (layout: see the module)."""
+    entries, blocks, offset = {}, [], 0
+    for name, array in arrays.items():
+        data = np.ascontiguousarray(array).tobytes()
+        entries[name] = {"dtype": array.dtype.str[1:], "shape": array.shape, "offset": offset}
+        data += b"\0" * (-len(data) % ALIGNMENT)
+        blocks.append(data)
+        offset += len(data)
+    header = json.dumps({**facts, "arrays": entries}).encode()
+    header += b" " * (-len(header) % ALIGNMENT)
+    return b"".join([len(header).to_bytes(4, "little"), header, *blocks])
+
+
+def pack_mesh(mesh: Mesh, center: NDArray[np.float64], **more: NDArray[Any]) -> bytes:
+    """Positions relative to `center` (float32), normals (int8, unit = 127) and faces (uint32)."""
+    positions = (mesh.vertices - center).astype(np.float32)
+    normals = np.zeros((len(positions), 4), np.int8)
+    normals[:, :3] = np.round(vertex_normals(mesh) * 127)
+    faces = mesh.faces.astype(np.uint32)
+    return pack(
+        {"positions": positions, "normals": normals, "faces": faces, **more}, center=list(center)
+    )
+
+
+def simplified(mesh: Mesh, faces: int) -> LightMesh | None:
+    """About `faces` faces of the same shape by quadric edge collapse; None if it has fewer.
+
+    Raises TexprojError where PyMeshLab cannot be loaded.
+    """
+    if len(mesh.faces) <= faces:
+        return None
+    from scipy.spatial import cKDTree  # noqa: PLC0415 - slow to import, needed once
+
+    light = _decimated(mesh, faces)
+    nearest = cKDTree(mesh.vertices).query(light.vertices, workers=-1)[1]
+    return LightMesh(light, np.asarray(nearest, np.int32))
+
+
+def _decimated(mesh: Mesh, faces: int) -> Mesh:
+    try:
+        import pymeshlab  # noqa: PLC0415 - needs system libraries that the rest does not
+    except (ImportError, OSError) as error:
+        raise TexprojError(f"large meshes are not simplified while moving: {error}") from None
+    center = mesh.center
+    meshes = pymeshlab.MeshSet()
+    meshes.add_mesh(pymeshlab.Mesh(mesh.vertices - center, mesh.faces))
+    meshes.meshing_decimation_quadric_edge_collapse(
+        targetfacenum=faces, preservenormal=True, preserveboundary=True
+    )
+    result = meshes.current_mesh()
+    return Mesh(result.vertex_matrix() + center, result.face_matrix().astype(np.int32))

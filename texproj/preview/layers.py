@@ -1,0 +1,90 @@
+"""Per-vertex values that the page shows in place of colors."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.camera import Camera
+from texproj.color.points import VertexPoints
+from texproj.color.sight import sight_of
+from texproj.color.view import PhotoView, photo_view
+from texproj.color.weights import factors_at
+from texproj.errors import TexprojError
+from texproj.options import ColorOptions
+from texproj.records import CameraRecord
+from texproj.stages.bench import Workbench
+from texproj.stages.progress import Progress
+
+Values = NDArray[np.float32]
+UNSEEN = np.float32(-1)
+LONGEST = 1600
+"""Longer side of the photos whose weights are shown, pixels: the layers are looked at, not used."""
+
+
+def occlusion_layer(bench: Workbench, progress: Progress) -> Values:
+    """(V,) ambient occlusion, 0 hidden .. 1 open."""
+    progress("ambient occlusion", 0, 1, "")
+    return bench.occlusion.astype(np.float32)
+
+
+def photo_layers(bench: Workbench, progress: Progress) -> dict[str, Values]:
+    """How many photos see each vertex, and the number of the photo with the largest weight there.
+
+    coverage: (V,) count; source: (V,) index into the project's photo names, -1 = unseen.
+    """
+    count = len(bench.mesh.vertices)
+    coverage = np.zeros(count, np.float32)
+    best, source = np.zeros(count, np.float32), np.full(count, UNSEEN)
+    names = registered_names(bench)
+    numbers = {name: k for k, name in enumerate(bench.project.photo_names)}
+    for done, name in enumerate(names):
+        progress("coverage", done, len(names), name)
+        weights = weights_of(bench, name)
+        coverage += weights > 0
+        better = weights > best
+        best[better], source[better] = weights[better], numbers[name]
+    return {"coverage": coverage, "source": source}
+
+
+def weights_layer(bench: Workbench, progress: Progress, name: str) -> Values:
+    """(V,) weight of one photo, 0 = does not see the vertex, 1 = best. Raises TexprojError."""
+    progress("weights", 0, 1, name)
+    return weights_of(bench, name)
+
+
+def registered_names(bench: Workbench) -> list[str]:
+    """The photos that color uses."""
+    entries = bench.project.load_cameras()
+    done = {name for name, record in entries.items() if usable_camera(record) is not None}
+    return [name for name in bench.project.photo_names if name in done]
+
+
+def usable_camera(record: CameraRecord | None) -> Camera | None:
+    """The camera of an entry that color may use: registered, with pose and intrinsics."""
+    return record.camera if record is not None and record.status == "registered" else None
+
+
+def weights_of(bench: Workbench, name: str) -> Values:
+    """(V,) product of the weight factors of one photo, as the color stage computes them."""
+    camera = usable_camera(bench.project.load_cameras().get(name))
+    if camera is None:
+        raise TexprojError(f"{name} is not registered, so it has no weights")
+    options: ColorOptions = bench.project.settings.options("color")
+    view = photo_view(bench.project.load_photo(name, LONGEST), camera, bench.scene, options)
+    return weights_at(bench, view, options)
+
+
+def weights_at(bench: Workbench, view: PhotoView, options: ColorOptions) -> Values:
+    """(V,) product of the weight factors of a view."""
+    points = VertexPoints.of(bench.mesh)
+    candidates = points.candidates(view.camera)
+    parts = []
+    for number, size in enumerate(points.sizes):
+        seen = points.chunk(number, candidates)
+        sight = sight_of(seen, view, options)
+        part = np.zeros(size, np.float32)
+        factors = factors_at(sight, view, options)
+        part[seen.index[sight.index]] = np.prod(list(factors.values()), axis=0)
+        parts.append(part)
+    return np.concatenate(parts)

@@ -1,0 +1,114 @@
+"""What the page says about each photo, and the photo itself as a picture for the browser."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+
+from texproj.camera import Camera
+from texproj.errors import TexprojError
+from texproj.files import json_hash, write_atomically
+from texproj.photo import Photo, srgb_from_linear
+from texproj.project import Project
+from texproj.records import CameraRecord
+
+JPEG_QUALITY = 92
+SIZES = (240, 1600, 8192)
+"""Longer sides in pixels that pictures are made in: list, overview, picking."""
+
+WEAK_PX = 2.0
+"""Expected error in full-size pixels above which a registration is shown with a warning."""
+
+MIN_PICKS = 4
+
+
+def photo_facts(project: Project, name: str, record: CameraRecord | None) -> dict[str, Any]:
+    """Everything that the page knows about a photo; nothing here reads its pixels."""
+    facts: dict[str, Any] = {"name": name, "status": "none", "advice": "", "picks": 0}
+    try:
+        info = project.photo_info(name)
+        facts |= {"width": info.width, "height": info.height, "notes": list(info.notes)}
+    except TexprojError as error:
+        return facts | {"status": "broken", "reason": str(error), "advice": BROKEN_ADVICE}
+    try:
+        picks = project.load_correspondences(name)
+        facts["picks"] = len(picks) if picks is not None else 0
+    except TexprojError as error:
+        facts["picks_error"] = str(error)
+    if record is None:
+        return facts | {"reason": "not registered yet", "advice": start_advice(facts["picks"])}
+    return facts | record_facts(record, facts["picks"])
+
+
+def record_facts(record: CameraRecord, picks: int) -> dict[str, Any]:
+    """What cameras.json says about a photo, and what to do about it."""
+    quality = record.quality
+    error = quality.get("expected_error_px")
+    error = float(error) if isinstance(error, int | float) else None
+    weak = record.status == "registered" and error is not None and error > WEAK_PX
+    facts: dict[str, Any] = {
+        "status": record.status,
+        "method": record.method,
+        "expected_error_px": error,
+        "weak": weak,
+        "reason": str(quality.get("reason") or ""),
+        "quality": {k: v for k, v in quality.items() if isinstance(v, int | float | str)},
+    }
+    if record.camera is not None:
+        facts["camera"] = camera_facts(record.camera)
+    if record.status == "failed" or weak:
+        facts["advice"] = start_advice(picks)
+    elif record.status == "prior":
+        facts["reason"] = facts["reason"] or "an approximate camera, not registered yet"
+        facts["advice"] = "Register it, or pick 4 points."
+    return facts
+
+
+def camera_facts(camera: Camera) -> dict[str, Any]:
+    """A camera as the page computes with it."""
+    k, pose = camera.intrinsics, camera.pose
+    radius = k.max_radius
+    return {
+        "width": k.width,
+        "height": k.height,
+        "f": [k.fx, k.fy],
+        "c": [k.cx, k.cy],
+        "dist": list(k.dist),
+        "max_radius": radius if np.isfinite(radius) else None,
+        "R": pose.R.tolist(),
+        "t": pose.t.tolist(),
+    }
+
+
+def start_advice(picks: int) -> str:
+    """What helps a photo that has no good camera."""
+    missing = MIN_PICKS - picks
+    if missing > 0:
+        return f"Pick {missing} {'more ' if picks else ''}point{'s' if missing > 1 else ''}."
+    return "Check the picks: spread them over the whole photo, then solve."
+
+
+BROKEN_ADVICE = "Replace the file with an intact one, or take it out of the photo folder."
+
+
+def jpeg_of(project: Project, name: str, size: int) -> bytes:
+    """A photo as sRGB JPEG, longer side at most `size`, kept in work/. Raises TexprojError."""
+    source = project.hash_of(project.photo_path(name))
+    path = project.work / "preview" / f"{json_hash([name, size, source, JPEG_QUALITY])}.jpg"
+    if path.is_file() and not path.is_symlink():
+        return path.read_bytes()
+    data = encode_jpeg(project.load_photo(name, size))
+    write_atomically(path, data)
+    return data
+
+
+def encode_jpeg(photo: Photo) -> bytes:
+    """A photo as JPEG in sRGB."""
+    rgb = photo.pixels
+    if photo.encoding == "linear":
+        rgb = np.round(srgb_from_linear(rgb) * 255).astype(np.uint8)
+    bgr = cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR)
+    flags = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, 0x111111]
+    return cv2.imencode(".jpg", bgr, flags)[1].tobytes()

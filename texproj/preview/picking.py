@@ -1,0 +1,177 @@
+"""What helps a person to pick: the camera that the picks give, where the other half of a pick is
+predicted, and the strongest match near there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.camera import Camera, Intrinsics, Pose
+from texproj.errors import UsageError
+from texproj.photo import Correspondences, Photo
+from texproj.preview.photos import camera_facts
+from texproj.preview.picks import numbers
+from texproj.preview.surface import Hit, Surface
+from texproj.project import Project
+from texproj.register.points import register_points
+from texproj.solve.matching import match_patches
+from texproj.solve.orientation import photo_field, render_field
+from texproj.stages.registering import start_of
+
+MATCH_LONGEST = 1600
+"""Longer side in pixels to which a photo is reduced before a match is sought."""
+
+PATCH_PX = 41
+"""Edge of the square that is compared, in pixels of the reduced photo."""
+
+SEARCH_PX = 16
+"""How far from the prediction a match is sought, in pixels of the reduced photo."""
+
+SNAP_SCORE = 0.45
+"""Correlation of orientation fields below which the prediction itself is kept."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """The other half of a pick. score: correlation of the match it was moved to, 0 = not moved."""
+
+    xy_px: NDArray[np.float64]
+    hit: Hit
+    score: float
+
+    def as_dict(self) -> dict[str, Any]:
+        return {"uv": self.xy_px.tolist(), **self.hit.as_dict(), "score": round(self.score, 3)}
+
+
+def fit_picks(project: Project, name: str, picks: Correspondences) -> dict[str, Any]:
+    """The camera that these picks give and how far off each is, as the page draws it.
+
+    Raises RegistrationError where they give none.
+    """
+    start = start_of(project.load_cameras().get(name))
+    prior = start.intrinsics if start else None
+    pose = start.pose if start else None
+    options = project.settings.options("points")
+    fit = register_points(project.photo_info(name), picks, prior, options, pose)
+    projected, _ = fit.camera.project(picks.xyz_in_world)
+    return {
+        "camera": camera_facts(fit.camera),
+        "expected_error_px": finite(fit.expected_error_px),
+        "accepted": fit.accepted,
+        "reason": fit.reason,
+        "names": list(picks.names),
+        "projected": [[finite(u), finite(v)] for u, v in projected],
+        "residual_px": [finite(r) for r in fit.residual_px],
+        "inliers": [bool(ok) for ok in fit.inliers],
+    }
+
+
+def finite(value: float) -> float | None:
+    """The number, or None where JSON has no word for it."""
+    return float(value) if np.isfinite(value) else None
+
+
+def predict_on_model(
+    surface: Surface, photo: Photo, camera: Camera, xy_px: NDArray[np.float64]
+) -> Prediction | None:
+    """The surface point that a pixel of the full-size photo shows; None beside the model."""
+    hit = _seen(surface, camera, xy_px)
+    if hit is None:
+        return None
+    moved, score = _moved(surface, photo, camera, xy_px, True)
+    better = _seen(surface, camera, moved) if score else None
+    return Prediction(xy_px, better or hit, score if better else 0.0)
+
+
+def predict_on_photo(
+    surface: Surface, photo: Photo, camera: Camera, xyz: NDArray[np.float64]
+) -> Prediction | None:
+    """The pixel of the full-size photo that shows a surface point; None outside of the photo."""
+    xy_px = camera.project(xyz[None])[0][0]
+    if not camera.inside(xy_px):
+        return None
+    normal = surface.nearest_normals(xyz[None])[0]
+    moved, score = _moved(surface, photo, camera, xy_px, False)
+    return Prediction(moved if score else xy_px, Hit(xyz, normal, -1), score)
+
+
+def _seen(surface: Surface, camera: Camera, xy_px: NDArray[np.float64]) -> Hit | None:
+    origins, directions = camera.rays(xy_px[None])
+    if not np.isfinite(directions).all():
+        return None
+    return surface.hit(origins[0], directions[0])
+
+
+def _moved(
+    surface: Surface, photo: Photo, camera: Camera, xy_px: NDArray[np.float64], on_model: bool
+) -> tuple[NDArray[np.float64], float]:
+    """`xy_px` moved to where model and photo agree best around it, and the correlation there
+    (0 = nothing agreed well enough, not moved). `on_model`: look for the photo's patch on the
+    model, else for the model's patch in the photo.
+    """
+    small = camera.resized(photo.width, photo.height)
+    scale = np.array([photo.width / camera.width, photo.height / camera.height])
+    corner = np.floor(xy_px * scale).astype(int) - WINDOW_PX // 2
+    of_photo = photo_field(_cut(photo.gray(), corner))
+    of_model = _model_field(surface, small, corner)
+    image, template = (of_model, of_photo) if on_model else (of_photo, of_model)
+    middle = np.array([[WINDOW_PX // 2, WINDOW_PX // 2]])
+    found = match_patches(template, image, middle, PATCH_PX, SEARCH_PX)
+    if not len(found) or found.score[0] < SNAP_SCORE:
+        return xy_px, 0.0
+    return xy_px + (found.target_px[0] - found.source_px[0]) / scale, float(found.score[0])
+
+
+WINDOW_PX = 2 * (PATCH_PX // 2 + SEARCH_PX) + 1
+
+
+def _cut(gray: NDArray[np.float32], corner: NDArray[np.intp]) -> NDArray[np.float32]:
+    """The window at `corner`; beyond the photo its border is repeated."""
+    matrix = np.array([[1, 0, -corner[0]], [0, 1, -corner[1]]], float)
+    size = (WINDOW_PX, WINDOW_PX)
+    return cv2.warpAffine(
+        gray, matrix, size, flags=cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE
+    )
+
+
+def _model_field(
+    surface: Surface, camera: Camera, corner: NDArray[np.intp]
+) -> NDArray[np.complex64]:
+    """Orientation field of the model's normals and depth in the window at `corner`."""
+    x, y = np.meshgrid(np.arange(WINDOW_PX), np.arange(WINDOW_PX))
+    pixels = np.stack([x.ravel(), y.ravel()], axis=1) + corner + 0.5
+    origins, directions = camera.rays(pixels)
+    directions = np.nan_to_num(directions)
+    face = surface.first_hits(origins, directions)
+    normals = np.where(face[:, None] >= 0, surface.normals_of(face) @ camera.pose.R.T, 0)
+    channels = [np.ascontiguousarray(c, np.float32).reshape(x.shape) for c in normals.T]
+    valid = cv2.erode((face >= 0).astype(np.uint8).reshape(x.shape), np.ones((5, 5), np.uint8))
+    return render_field(channels, valid > 0)
+
+
+def parse_camera(data: Any) -> Camera:
+    """A camera as the page sends it back. Raises UsageError for anything else."""
+    if not isinstance(data, dict):
+        raise UsageError("expected a camera")
+    width, height = (_size(data.get(key)) for key in ("width", "height"))
+    (fx, fy), (cx, cy) = numbers(data.get("f"), 2), numbers(data.get("c"), 2)
+    dist = data.get("dist")
+    dist = numbers(dist, len(dist) if isinstance(dist, list) else -1)
+    rows = data.get("R")
+    R = [numbers(row, 3) for row in rows] if isinstance(rows, list) and len(rows) == 3 else []
+    try:
+        intrinsics = Intrinsics(width, height, fx, fy, cx, cy, tuple(dist))
+        return Camera(intrinsics, Pose(np.array(R), np.array(numbers(data.get("t"), 3))))
+    except ValueError as error:
+        raise UsageError(f"unusable camera: {error}") from None
+
+
+def _size(value: Any) -> int:
+    if not isinstance(value, int) or isinstance(value, bool) or not 0 < value < 1 << 20:
+        raise UsageError("a camera needs the size of its photo")
+    return value

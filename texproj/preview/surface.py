@@ -1,0 +1,171 @@
+"""The project's mesh as the page needs it: loaded once, packed, simplified, and hit by rays."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+from numpy.typing import NDArray
+
+from texproj.mesh import Mesh, MeshSource, face_normals, vertex_normals
+from texproj.preview.geometry import LightMesh, pack_mesh, simplified
+from texproj.project import Project
+
+PACK_VERSION = 1
+"""Goes into the names of cached packs; raise it when their layout changes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hit:
+    """A point of the surface. xyz: (3,) float64 world; normal: (3,) unit; face: its number."""
+
+    xyz: NDArray[np.float64]
+    normal: NDArray[np.float64]
+    face: int
+
+    def as_dict(self) -> dict[str, Any]:
+        return {"xyz": self.xyz.tolist(), "normal": self.normal.tolist()}
+
+
+class Surface:
+    """The mesh of a project. Safe to use from several threads."""
+
+    def __init__(self, project: Project, light_faces: int) -> None:
+        self.project = project
+        self.light_faces = light_faces
+        self.key = project.hash_of(project.mesh_path) or "none"
+        self._lock = threading.RLock()
+
+    @cached_property
+    def source(self) -> MeshSource:
+        """The repaired mesh and how it maps to the file. Raises InputError."""
+        with self._lock:
+            return self.project.load_mesh()
+
+    @property
+    def mesh(self) -> Mesh:
+        with self._lock:
+            return self.source.mesh
+
+    @cached_property
+    def full_pack(self) -> bytes:
+        """The full mesh for the page."""
+        with self._lock:
+            return pack_mesh(self.mesh, self.mesh.center)
+
+    @cached_property
+    def light(self) -> LightMesh | None:
+        """The simplified mesh, kept in work/ between runs; None for a mesh small enough."""
+        with self._lock:
+            known = self._saved_light()
+            if known is not None:
+                return known
+            made = simplified(self.mesh, self.light_faces)
+            if made is not None:
+                self._save_light(made)
+            return made
+
+    @cached_property
+    def light_pack(self) -> bytes | None:
+        """The simplified mesh for the page, with `vertex_of_light`."""
+        if self.light is None:
+            return None
+        nearest = self.light.vertex_of_light.astype(np.uint32)
+        return pack_mesh(self.light.mesh, self.mesh.center, vertex_of_light=nearest)
+
+    def first_hits(
+        self, origins: NDArray[np.float64], directions: NDArray[np.float64]
+    ) -> NDArray[np.int32]:
+        """(n,) number of the face that each ray (world, unit directions) meets first, or -1."""
+        center = self.mesh.center
+        with self._lock:
+            return self._scene.run(
+                np.ascontiguousarray(origins - center, np.float32),
+                np.ascontiguousarray(directions, np.float32),
+                query="INTERSECT",
+            )
+
+    def points_on(
+        self,
+        faces: NDArray[np.int32],
+        origins: NDArray[np.float64],
+        directions: NDArray[np.float64],
+    ) -> NDArray[np.float64]:
+        """(n, 3) float64 crossings of rays with the planes of their faces; the ray caster itself
+        counts in float32."""
+        corner = self.mesh.vertices[self.mesh.faces[faces, 0]]
+        normal = self._normals[faces]
+        along = np.einsum("ij,ij->i", directions, normal)
+        along = np.where(along == 0, np.nan, along)
+        return (
+            origins
+            + (np.einsum("ij,ij->i", corner - origins, normal) / along)[:, None] * directions
+        )
+
+    def hit(self, origin: NDArray[np.float64], direction: NDArray[np.float64]) -> Hit | None:
+        """Where a ray (world) first meets the surface."""
+        direction = direction / np.linalg.norm(direction)
+        face = self.first_hits(origin[None], direction[None])
+        if face[0] < 0:
+            return None
+        xyz = self.points_on(face, origin[None], direction[None])[0]
+        if not np.isfinite(xyz).all():
+            return None
+        return Hit(xyz, self._normals[face[0]], int(face[0]))
+
+    def normals_of(self, faces: NDArray[np.int32]) -> NDArray[np.float64]:
+        """(n, 3) unit normals of faces."""
+        return self._normals[faces]
+
+    def nearest_normals(self, xyz: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(n, 3) unit normals of the faces around the vertices nearest to (n, 3) points."""
+        if not len(xyz):
+            return np.empty((0, 3))
+        vertex = self._tree.query(xyz)[1]
+        return self._vertex_normals[vertex]
+
+    def _saved_light(self) -> LightMesh | None:
+        vertices, faces, nearest = (
+            self.project.load_array(self._light_key(part)) for part in LIGHT_PARTS
+        )
+        if vertices is None or faces is None or nearest is None:
+            return None
+        return LightMesh(Mesh(vertices, faces), nearest)
+
+    def _save_light(self, light: LightMesh) -> None:
+        save = self.project.save_array
+        save(self._light_key("vertices"), light.mesh.vertices)
+        save(self._light_key("faces"), light.mesh.faces)
+        save(self._light_key("nearest"), light.vertex_of_light)
+
+    def _light_key(self, part: str) -> str:
+        return f"preview{PACK_VERSION}-{part}-{self.light_faces}-{self.key}"
+
+    @cached_property
+    def _normals(self) -> NDArray[np.float64]:
+        return face_normals(self.mesh)
+
+    @cached_property
+    def _vertex_normals(self) -> NDArray[np.float64]:
+        return vertex_normals(self.mesh)
+
+    @cached_property
+    def _tree(self) -> Any:
+        from scipy.spatial import cKDTree  # noqa: PLC0415 - slow to import, rarely needed
+
+        return cKDTree(self.mesh.vertices)
+
+    @cached_property
+    def _scene(self) -> EmbreeScene:
+        scene = EmbreeScene(robust=True)
+        vertices = (self.mesh.vertices - self.mesh.center).astype(np.float32)
+        self._geometry = TriangleMesh(scene, vertices, np.ascontiguousarray(self.mesh.faces))
+        return scene
+
+
+LIGHT_PARTS = ("vertices", "faces", "nearest")

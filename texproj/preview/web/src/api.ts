@@ -1,0 +1,214 @@
+// What the server knows and does; the only module that makes requests.
+
+import type { Camera, Vec2, Vec3 } from "./lens.ts";
+
+export interface PhotoFacts {
+  name: string;
+  status: "none" | "broken" | "registered" | "prior" | "failed";
+  width?: number;
+  height?: number;
+  method?: string | null;
+  expected_error_px?: number | null;
+  weak?: boolean;
+  reason?: string;
+  advice: string;
+  picks: number;
+  picks_error?: string;
+  notes?: string[];
+  quality?: Record<string, number | string>;
+  camera?: Camera;
+}
+
+export interface Job {
+  id: number;
+  kind: string;
+  title: string;
+  subject: string;
+  state: "waiting" | "running" | "done" | "failed" | "cancelled";
+  done: number;
+  total: number;
+  item: string;
+  message: string;
+}
+
+export interface Facts {
+  name: string;
+  mesh: { key: string; file: string };
+  photos: PhotoFacts[];
+  models: Record<string, string | null>;
+  jobs: Job[];
+}
+
+export interface SavedPick {
+  name: string;
+  uv: Vec2;
+  xyz: Vec3;
+  normal?: Vec3;
+}
+
+export interface SavedPicks {
+  version: string;
+  picks: SavedPick[];
+}
+
+export interface Fit {
+  camera: Camera;
+  expected_error_px: number | null;
+  accepted: boolean;
+  reason: string;
+  names: string[];
+  projected: [number | null, number | null][];
+  residual_px: (number | null)[];
+  inliers: boolean[];
+}
+
+export interface Hit {
+  xyz: Vec3;
+  normal: Vec3;
+}
+
+export interface Prediction extends Hit {
+  uv: Vec2;
+  score: number;
+}
+
+export interface Pack {
+  facts: Record<string, unknown>;
+  arrays: Record<string, Float32Array | Uint32Array | Uint8Array | Int8Array>;
+}
+
+/** The server answered, but not with what was asked for. */
+export class Refusal extends Error {
+  status: number;
+  constructor(status: number, sentence: string) {
+    super(sentence);
+    this.status = status;
+  }
+}
+
+/** The server did not answer at all. */
+export class Silence extends Error {}
+
+async function request(path: string, init: RequestInit = {}): Promise<Response> {
+  let answer: Response;
+  try {
+    answer = await fetch(path, init);
+  } catch {
+    throw new Silence("The server does not answer.");
+  }
+  return answer;
+}
+
+async function demand(path: string, init: RequestInit = {}): Promise<Response> {
+  const answer = await request(path, init);
+  if (!answer.ok) throw await refusalOf(answer);
+  return answer;
+}
+
+async function refusalOf(answer: Response): Promise<Refusal> {
+  const data = (await answer.json().catch(() => null)) as { error?: string } | null;
+  return new Refusal(answer.status, data?.error ?? `The server answered ${answer.status}.`);
+}
+
+function sending(method: string, data: unknown): RequestInit {
+  const headers = { "content-type": "application/json" };
+  return { method, headers, body: JSON.stringify(data) };
+}
+
+const json = async <T>(answer: Promise<Response>): Promise<T> => (await answer).json() as Promise<T>;
+
+const photoPath = (photo: string, what: string) => `/api/photos/${encodeURIComponent(photo)}/${what}`;
+
+export const imageUrl = (photo: string, size: 240 | 1600 | 8192) => photoPath(photo, `image?size=${size}`);
+
+export const facts = () => json<Facts>(demand("/api/project"));
+
+export const hit = (origin: Vec3, direction: Vec3) =>
+  json<Hit | null>(demand("/api/hit", sending("POST", { origin, direction })));
+
+export const startJob = (kind: string, photo?: string) =>
+  json<Job>(demand("/api/jobs", sending("POST", { kind, photo })));
+
+export const cancelJob = (id: number) => request(`/api/jobs/${id}`, { method: "DELETE" });
+
+export const picks = (photo: string) => json<SavedPicks>(demand(photoPath(photo, "picks")));
+
+export const fit = (photo: string, list: SavedPick[]) =>
+  json<Fit>(demand(photoPath(photo, "fit"), sending("POST", { picks: list })));
+
+export const predict = (photo: string, camera: Camera, given: { uv: Vec2 } | { xyz: Vec3 }) =>
+  json<Prediction | null>(demand(photoPath(photo, "predict"), sending("POST", { camera, ...given })));
+
+/** Save picks edited from version `base`; `conflict` tells that the file had changed meanwhile. */
+export async function savePicks(
+  photo: string,
+  list: SavedPick[],
+  base: string,
+): Promise<SavedPicks & { conflict: boolean }> {
+  const answer = await request(photoPath(photo, "picks"), sending("PUT", { picks: list, base }));
+  if (!answer.ok && answer.status !== 409) throw await refusalOf(answer);
+  return { ...((await answer.json()) as SavedPicks), conflict: answer.status === 409 };
+}
+
+/** A block of arrays; null where the server has none. Layout: texproj/preview/geometry.py. */
+export async function pack(path: string): Promise<Pack | null> {
+  const answer = await demand(path);
+  return answer.status === 204 ? null : unpack(await answer.arrayBuffer());
+}
+
+const TYPES = { f4: Float32Array, u4: Uint32Array, u1: Uint8Array, i1: Int8Array };
+
+function unpack(data: ArrayBuffer): Pack {
+  const length = new DataView(data).getUint32(0, true);
+  const header = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
+  const arrays: Pack["arrays"] = {};
+  for (const [name, entry] of Object.entries<Entry>(header.arrays)) {
+    const count = entry.shape.reduce((a, b) => a * b, 1);
+    arrays[name] = new TYPES[entry.dtype](data, 4 + length + entry.offset, count);
+  }
+  return { facts: header, arrays };
+}
+
+interface Entry {
+  dtype: keyof typeof TYPES;
+  shape: number[];
+  offset: number;
+}
+
+export interface News {
+  hello(): void;
+  lost(): void;
+  job(job: Job): void;
+  files(changed: string[]): void;
+  light(): void;
+}
+
+const PATIENCE_MS = 12000;
+const RETRY_MS = 1000;
+
+/** Listen to the server; connects again for ever. Silence is noticed by the missing heartbeat. */
+export function listen(news: News): void {
+  const source = new EventSource("/api/events");
+  const retry = () => {
+    source.close();
+    news.lost();
+    setTimeout(() => listen(news), RETRY_MS);
+  };
+  let alarm = setTimeout(retry, PATIENCE_MS);
+  const on = (kind: string, act: (data: never) => void) =>
+    source.addEventListener(kind, (event) => {
+      clearTimeout(alarm);
+      alarm = setTimeout(retry, PATIENCE_MS);
+      act(JSON.parse((event as MessageEvent<string>).data) as never);
+    });
+  source.onerror = () => {
+    clearTimeout(alarm);
+    retry();
+  };
+  on("hello", () => news.hello());
+  on("alive", () => undefined);
+  on("reload", () => news.hello());
+  on("job", (job: Job) => news.job(job));
+  on("files", (data: { changed: string[] }) => news.files(data.changed));
+  on("light", () => news.light());
+}

@@ -1,0 +1,292 @@
+// The page: what is shown, and what a person can do about it.
+
+import * as THREE from "three";
+import * as api from "./api.ts";
+import { byId } from "./dom.ts";
+import { LayerLoader, showLegend } from "./layers.ts";
+import type { Vec2, Vec3 } from "./lens.ts";
+import { center } from "./lens.ts";
+import { notice } from "./notice.ts";
+import { loadTexture } from "./overlay.ts";
+import type { Look } from "./panel.ts";
+import { LAYERS, viewPanel } from "./panel.ts";
+import { showPhotos, worstFirst } from "./photolist.ts";
+import { PickMode } from "./pickmode.ts";
+import type { Layer } from "./surface.ts";
+import { Viewport } from "./viewport.ts";
+
+export class App {
+  readonly viewport = new Viewport(byId<HTMLCanvasElement>("model-canvas"));
+  facts: api.Facts | null = null;
+  chosen: string | null = null;
+  look: Look = {
+    layer: "shaded", exposure: 0, roughness: 0.55, light: [-0.35, 0.45], frustums: true, opacity: 1, wipe: 1,
+  };
+  readonly picking = new PickMode(this);
+  private readonly loader = new LayerLoader(this.viewport.surface);
+  private meshKey = "";
+  private refreshing = false;
+  private again = false;
+  private overlayPhoto = "";
+
+  /** Load everything anew; whatever did not change stays as it is. */
+  async refresh(): Promise<void> {
+    if (this.refreshing) {
+      this.again = true;
+      return;
+    }
+    this.refreshing = true;
+    try {
+      do {
+        this.again = false;
+        await this.load();
+      } while (this.again);
+    } catch (error) {
+      this.complain(error);
+    } finally {
+      this.refreshing = false;
+    }
+  }
+
+  get photo(): api.PhotoFacts | null {
+    return this.facts?.photos.find((photo) => photo.name === this.chosen) ?? null;
+  }
+
+  get mode(): string {
+    return document.body.dataset.mode!;
+  }
+
+  complain(error: unknown): void {
+    if (error instanceof api.Silence) return; // the lost connection is announced already
+    if (!(error instanceof api.Refusal)) throw error;
+    notice(error.message, "bad");
+  }
+
+  /** Photos that can be looked through, in the order of the list. */
+  get viewable(): api.PhotoFacts[] {
+    return worstFirst(this.facts?.photos ?? []).filter((photo) => photo.camera);
+  }
+
+  choose(photo: api.PhotoFacts): void {
+    if (this.mode === "pick") {
+      if (photo.status !== "broken" && photo.name !== this.chosen) void this.pick(photo);
+      return;
+    }
+    if (photo.camera) this.view(photo);
+    else {
+      this.chosen = photo.name;
+      this.viewport.exitPhoto();
+      this.show();
+    }
+  }
+
+  /** Fly into a photo. */
+  view(photo: api.PhotoFacts): void {
+    if (this.mode === "pick") this.picking.leave();
+    this.chosen = photo.name;
+    if (this.look.layer === "weights") void this.setLayer("weights");
+    this.viewport.enterPhoto(photo.camera!);
+    void this.loadOverlay(photo.name);
+    this.applyLook();
+    this.show();
+  }
+
+  exitPhoto(): void {
+    this.viewport.exitPhoto();
+    this.show();
+  }
+
+  async pick(photo: api.PhotoFacts): Promise<void> {
+    this.chosen = photo.name;
+    this.viewport.exitPhoto();
+    document.body.dataset.mode = "pick";
+    await this.picking.enter(photo).catch((error: unknown) => this.complain(error));
+    this.show();
+  }
+
+  async start(kind: string): Promise<void> {
+    await api.startJob(kind).catch((error: unknown) => this.complain(error));
+  }
+
+  change(part: Partial<Look>): void {
+    const { layer, ...rest } = part;
+    Object.assign(this.look, rest);
+    this.applyLook();
+    if (layer && layer !== this.look.layer) void this.setLayer(layer);
+  }
+
+  async setLayer(layer: Layer): Promise<void> {
+    if (!this.available().has(layer)) return;
+    const photo = this.chosen ?? this.viewable[0]?.name ?? null;
+    if (layer === "weights" && !this.chosen) this.chosen = photo;
+    try {
+      await this.loader.load(layer, this.facts!, photo);
+    } catch (error) {
+      this.complain(error);
+      return;
+    }
+    this.look.layer = layer;
+    this.viewport.surface.setLayer(layer);
+    this.applyLook();
+    this.show();
+  }
+
+  /** Which layers there is something to show for. */
+  available(): Set<Layer> {
+    const facts = this.facts;
+    const layers: Layer[] = facts ? ["shaded", "normals", "ao"] : [];
+    if (facts?.models["model.ply"]) layers.push("color");
+    if (facts?.models["model.glb"]) layers.push("texture");
+    if (facts?.photos.some((photo) => photo.status === "registered")) layers.push("coverage", "source");
+    if (this.photo ? this.photo.status === "registered" : layers.includes("source")) layers.push("weights");
+    return new Set(layers);
+  }
+
+  /** Fly to the model point under a double click, and turn about it from now on. */
+  async turnAbout(at: Vec2): Promise<void> {
+    const found = await this.hit(at);
+    if (found) this.viewport.turnAbout(new THREE.Vector3(...found.xyz).sub(this.viewport.surface.center));
+  }
+
+  /** The model point under a point of the canvas, exact. */
+  async hit(at: Vec2): Promise<api.Hit | null> {
+    const { origin, direction } = this.viewport.ray(at);
+    return api.hit(origin, direction).catch((error: unknown) => {
+      this.complain(error);
+      return null;
+    });
+  }
+
+  /** Draw lists and panels from what is known. */
+  show(): void {
+    if (!this.facts) return;
+    showPhotos(this.facts.photos, this.chosen, this.look.layer === "source", {
+      view: (photo) => this.view(photo),
+      pick: (photo) => void this.pick(photo),
+      choose: (photo) => this.choose(photo),
+    });
+    this.showPanel();
+    const inPhoto = this.viewport.photoCamera !== null;
+    byId("model-title").textContent = inPhoto && this.mode === "view" ? `Through ${this.chosen}` : "";
+    byId("wipe").hidden = !inPhoto || this.mode === "pick";
+    this.viewport.frustums.mark(this.chosen, null);
+    showLegend(this.look.layer, this.loader.span);
+    this.viewport.invalidate();
+  }
+
+  private showPanel(): void {
+    const parts =
+      this.mode === "pick"
+        ? this.picking.panel()
+        : viewPanel(this.look, this.available(), this.photo, this.viewport.photoCamera !== null, {
+            change: (part) => this.change(part),
+            exitPhoto: () => this.exitPhoto(),
+            pick: (photo) => void this.pick(photo),
+          });
+    byId("panel").replaceChildren(...parts);
+  }
+
+  applyLook(): void {
+    const { surface, overlay, frustums } = this.viewport;
+    surface.setExposure(this.look.exposure);
+    surface.setRoughness(this.look.roughness);
+    surface.setLightDirection(...this.look.light);
+    overlay.setLook(this.look.opacity, this.look.wipe, this.look.exposure);
+    frustums.group.visible = this.look.frustums && !this.viewport.photoCamera && this.mode === "view";
+    const wipe = byId("wipe");
+    wipe.style.left = `${this.look.wipe * 100}%`;
+    wipe.setAttribute("aria-valuenow", String(Math.round(this.look.wipe * 100)));
+    this.viewport.invalidate();
+  }
+
+  private async load(): Promise<void> {
+    const first = this.facts === null;
+    this.facts = await api.facts();
+    this.title();
+    if (this.facts.mesh.key !== this.meshKey) await this.loadMesh();
+    const { surface, frustums } = this.viewport;
+    frustums.set(this.facts.photos, surface.center, surface.radius, () => this.viewport.invalidate());
+    if (first) this.goHome();
+    await this.setLayer(first ? this.bestLayer() : this.look.layer);
+    this.followCamera();
+    this.applyLook();
+    this.show();
+    document.body.dataset.ready = "true";
+  }
+
+  /** The newer of the colored models, else bare shape. */
+  private bestLayer(): Layer {
+    const when = (name: string) => parseInt(this.facts!.models[name]?.split("-")[0] ?? "0", 16);
+    if (!when("model.ply") && !when("model.glb")) return "shaded";
+    return when("model.glb") > when("model.ply") ? "texture" : "color";
+  }
+
+  private title(): void {
+    const { name, photos, mesh } = this.facts!;
+    document.title = `${name} \u2013 texproj`;
+    byId("project-name").textContent = name;
+    byId("project-facts").textContent = `${photos.length} photos, ${mesh.file}`;
+  }
+
+  private async loadMesh(): Promise<void> {
+    const pack = await api.pack("/api/mesh/full");
+    this.viewport.surface.setFull(pack!);
+    this.loader.forget();
+    this.meshKey = this.facts!.mesh.key;
+    const faces = this.viewport.surface.faces.toLocaleString("en");
+    byId("project-facts").textContent = `${this.facts!.photos.length} photos, ${faces} faces`;
+    void this.loadLight();
+  }
+
+  /** The light mesh is made in the background; the page does not wait for it. */
+  async loadLight(): Promise<void> {
+    if (!this.viewport.surface.faces) return;
+    const pack = await api.pack("/api/mesh/light").catch(() => null);
+    if (pack) this.viewport.surface.setLight(pack);
+  }
+
+  /** Look from where the photos were taken, with their upper side up. */
+  private goHome(): void {
+    const cameras = this.viewable.map((photo) => photo.camera!);
+    const up = new THREE.Vector3();
+    const from = new THREE.Vector3();
+    const { center: middle, radius } = this.viewport.surface;
+    let reach = radius;
+    for (const camera of cameras) {
+      up.sub(new THREE.Vector3(...camera.R[1]));
+      const eye = new THREE.Vector3(...(center(camera) as Vec3)).sub(middle);
+      from.add(eye.clone().normalize());
+      reach = Math.max(reach, eye.length());
+    }
+    if (up.length() < 0.1) up.set(0, 0, 1);
+    if (from.length() < 0.1) from.set(1, -1, 0.6);
+    this.viewport.home(up.normalize(), from, reach);
+  }
+
+  /** After a new registration of the photo on view, look through its new camera. */
+  private followCamera(): void {
+    const camera = this.photo?.camera;
+    if (this.mode !== "view" || !this.viewport.photoCamera || !camera) return;
+    if (JSON.stringify(camera) !== JSON.stringify(this.viewport.photoCamera)) this.viewport.enterPhoto(camera);
+  }
+
+  /** The photo at full size, over the view; a small one while it loads. */
+  async loadOverlay(name: string): Promise<void> {
+    if (this.overlayPhoto === name) return;
+    this.overlayPhoto = name;
+    this.viewport.overlay.setPhoto(null);
+    for (const size of [1600, 8192] as const) {
+      const texture = await loadTexture(api.imageUrl(name, size)).catch(() => null);
+      if (this.overlayPhoto !== name || !texture) return;
+      this.viewport.overlay.setPhoto(texture);
+      this.viewport.overlay.show(this.viewport.photoCamera !== null && !this.viewport.flying);
+      this.viewport.invalidate();
+      document.body.dataset.overlay = `${name} ${size}`;
+    }
+  }
+
+  layerByNumber(number: number): void {
+    const entry = LAYERS[number - 1];
+    if (entry) void this.setLayer(entry.layer);
+  }
+}

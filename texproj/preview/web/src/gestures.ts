@@ -1,0 +1,156 @@
+// Mouse, touch and keys of the result view.
+
+import type { App } from "./app.ts";
+import { byId, typing } from "./dom.ts";
+import { showHelp } from "./help.ts";
+import type { Vec2 } from "./lens.ts";
+import { clamp } from "./viewport.ts";
+
+const CLICK_PX = 4;
+const ZOOM_PER_NOTCH = 1.0015;
+
+/** Position of a pointer on an element. */
+export function at(event: MouseEvent, element: Element): Vec2 {
+  const box = element.getBoundingClientRect();
+  return [event.clientX - box.left, event.clientY - box.top];
+}
+
+/** Call `act` for presses that were not drags. */
+export function onClick(element: HTMLElement, act: (at: Vec2, event: PointerEvent) => void): void {
+  let down: Vec2 | null = null;
+  element.addEventListener("pointerdown", (event) => {
+    down = event.button === 0 && event.isPrimary ? [event.clientX, event.clientY] : null;
+  });
+  element.addEventListener("pointerup", (event) => {
+    if (down && Math.hypot(event.clientX - down[0], event.clientY - down[1]) < CLICK_PX) act(at(event, element), event);
+    down = null;
+  });
+}
+
+/** Dragging and the wheel move the window of a picture; two fingers zoom. */
+export function onPanZoom(
+  element: HTMLElement, active: () => boolean,
+  act: { pan(dx: number, dy: number): void; zoom(factor: number, at: Vec2): void },
+): void {
+  const fingers = new Map<number, Vec2>();
+  element.addEventListener("pointerdown", (event) => {
+    if (active()) fingers.set(event.pointerId, [event.clientX, event.clientY]);
+  });
+  addEventListener("pointermove", (event) => {
+    const before = fingers.get(event.pointerId);
+    if (!before) return;
+    const now: Vec2 = [event.clientX, event.clientY];
+    const others = [...fingers].filter(([id]) => id !== event.pointerId).map(([, p]) => p);
+    act.pan((now[0] - before[0]) / fingers.size, (now[1] - before[1]) / fingers.size);
+    if (others.length) pinch(before, now, others[0]);
+    fingers.set(event.pointerId, now);
+  });
+  const pinch = (before: Vec2, now: Vec2, other: Vec2) => {
+    const box = element.getBoundingClientRect();
+    const [was, is] = [Math.hypot(before[0] - other[0], before[1] - other[1]), Math.hypot(now[0] - other[0], now[1] - other[1])];
+    act.zoom(is / Math.max(was, 1), [(now[0] + other[0]) / 2 - box.left, (now[1] + other[1]) / 2 - box.top]);
+  };
+  for (const kind of ["pointerup", "pointercancel"] as const) {
+    addEventListener(kind, (event) => fingers.delete(event.pointerId));
+  }
+  element.addEventListener("wheel", (event) => {
+    if (!active()) return;
+    event.preventDefault();
+    act.zoom(ZOOM_PER_NOTCH ** -event.deltaY, at(event, element));
+  }, { passive: false });
+}
+
+/** Connect the model's canvas, the wipe handle and the keys. */
+export function connect(app: App): void {
+  const { viewport } = app;
+  const canvas = viewport.canvas;
+  onPanZoom(canvas, () => viewport.photoCamera !== null && !app.picking.dragging, {
+    pan: (dx, dy) => viewport.panPhoto(dx, dy),
+    zoom: (factor, place) => viewport.zoomPhoto(factor, place),
+  });
+  onClick(canvas, (place) => {
+    const name = app.mode === "view" ? viewport.photoUnder(place) : null;
+    const photo = app.facts?.photos.find((item) => item.name === name);
+    if (photo) app.view(photo);
+  });
+  canvas.addEventListener("dblclick", (event) => {
+    if (app.mode === "view" && !viewport.photoCamera) void app.turnAbout(at(event, canvas));
+  });
+  canvas.addEventListener("pointermove", (event) => hover(app, event));
+  connectWipe(app);
+  addEventListener("keydown", (event) => {
+    if (typing(event) || event.defaultPrevented) return;
+    const used = app.mode === "pick" ? app.picking.key(event) : key(app, event);
+    if (used) event.preventDefault();
+  });
+  byId("do-help").addEventListener("click", showHelp);
+}
+
+function hover(app: App, event: PointerEvent): void {
+  if (event.buttons || app.mode !== "view" || app.viewport.photoCamera) return;
+  const name = app.viewport.photoUnder(at(event, app.viewport.canvas));
+  byId("model-pane").classList.toggle("over-frustum", name !== null);
+  const title = byId("model-title");
+  if (title.textContent === (name ?? "")) return;
+  title.textContent = name ?? "";
+  app.viewport.frustums.mark(app.chosen, name);
+  app.viewport.invalidate();
+}
+
+function connectWipe(app: App): void {
+  const handle = byId("wipe");
+  const set = (wipe: number) => {
+    app.change({ wipe: clamp(wipe, 0, 1) });
+    const slider = document.querySelector<HTMLInputElement>('input[aria-label="Wipe"]');
+    if (slider) slider.value = String(app.look.wipe);
+    if (slider) slider.previousElementSibling!.textContent = `${Math.round(app.look.wipe * 100)} %`;
+  };
+  handle.addEventListener("pointerdown", (event) => handle.setPointerCapture(event.pointerId));
+  handle.addEventListener("pointermove", (event) => {
+    if (event.buttons) set(at(event, app.viewport.canvas)[0] / app.viewport.size[0]);
+  });
+  handle.addEventListener("keydown", (event) => {
+    const step = { ArrowLeft: -0.01, ArrowRight: 0.01 }[event.key];
+    if (step === undefined) return;
+    event.preventDefault();
+    set(app.look.wipe + step * (event.shiftKey ? 10 : 1));
+  });
+}
+
+function key(app: App, event: KeyboardEvent): boolean {
+  if (event.ctrlKey || event.metaKey || event.altKey) return false;
+  const inPhoto = app.viewport.photoCamera !== null;
+  if (event.key === "?") showHelp();
+  else if (event.key === " " && inPhoto) blink(app);
+  else if (event.key === "Escape" && inPhoto) app.exitPhoto();
+  else if (event.key === "ArrowLeft" && inPhoto) neighbor(app, -1);
+  else if (event.key === "ArrowRight" && inPhoto) neighbor(app, 1);
+  else if (event.key === "f") inPhoto ? fit(app) : app.viewport.frame();
+  else if (event.key === "c") toggleCameras(app);
+  else if (event.key === "p" && app.photo) void app.pick(app.photo);
+  else if (/^[1-8]$/.test(event.key)) app.layerByNumber(Number(event.key));
+  else return false;
+  return true;
+}
+
+function blink(app: App): void {
+  const visible = app.look.opacity > 0.5;
+  app.change({ opacity: visible ? 0 : 1 });
+  app.show();
+}
+
+function fit(app: App): void {
+  app.viewport.fitPhoto();
+  app.viewport.setWindow(app.viewport.window);
+}
+
+function toggleCameras(app: App): void {
+  app.change({ frustums: !app.look.frustums });
+  app.show();
+}
+
+function neighbor(app: App, step: number): void {
+  const photos = app.viewable;
+  const index = photos.findIndex((photo) => photo.name === app.chosen);
+  app.view(photos[(index + step + photos.length) % photos.length]);
+}

@@ -1,0 +1,95 @@
+// Fetches what a layer shows, and its legend.
+
+import * as api from "./api.ts";
+import { byId, el } from "./dom.ts";
+import { css, RAMP } from "./ramps.ts";
+import type { Layer, Surface } from "./surface.ts";
+
+/** What is loaded, so that nothing is fetched twice. */
+export class LayerLoader {
+  private colors: string | null = null;
+  private texture: string | null = null;
+  private values = "";
+
+  constructor(private readonly surface: Surface) {}
+
+  /** Everything must be fetched again: the mesh changed. */
+  forget(): void {
+    this.colors = this.texture = null;
+    this.values = "";
+  }
+
+  /** Bring in what `layer` needs. version: changes with the cameras; photo: for weights. */
+  async load(layer: Layer, facts: api.Facts, photo: string | null): Promise<void> {
+    if (layer === "color") await this.loadColors(facts.models["model.ply"]);
+    else if (layer === "texture") await this.loadTexture(facts.models["model.glb"]);
+    else if (layer === "ao" || layer === "coverage" || layer === "source" || layer === "weights") {
+      await this.loadValues(layer, versionOf(facts), layer === "weights" ? photo : null);
+    }
+  }
+
+  private async loadColors(version: string | null): Promise<void> {
+    if (!version || this.colors === version) return;
+    const pack = await api.pack("/api/colors");
+    this.surface.setColors(pack!.arrays.rgba as Uint8Array);
+    this.colors = version;
+  }
+
+  private async loadTexture(version: string | null): Promise<void> {
+    if (!version || this.texture === version) return;
+    await this.surface.loadTextured(`/api/models/model.glb?v=${version}`);
+    this.texture = version;
+  }
+
+  private async loadValues(layer: Layer, version: string, photo: string | null): Promise<void> {
+    const key = `${layer} ${version} ${photo}`;
+    if (this.values === key) return;
+    const query = photo ? `?photo=${encodeURIComponent(photo)}` : "";
+    const pack = await api.pack(`/api/layers/${layer}${query}`);
+    const values = pack!.arrays.values as Float32Array;
+    this.surface.setValues(values, layer === "coverage" ? Math.max(highest(values), 1) : 1);
+    this.span = highest(values);
+    this.values = key;
+  }
+
+  span = 1;
+}
+
+/** Changes when a photo's camera does. */
+function versionOf(facts: api.Facts): string {
+  return facts.photos.map((photo) => (photo.camera ? photo.camera.t.join() : "-")).join(";");
+}
+
+function highest(values: Float32Array): number {
+  let top = 0;
+  for (const value of values) if (value > top) top = value;
+  return top;
+}
+
+export function showLegend(layer: Layer, span: number): void {
+  const legend = byId("legend");
+  const unseen = el("div", {}, el("span", {}, el("span", { class: "hatch" }), "no photo sees it"));
+  const rows: Partial<Record<Layer, () => Node[]>> = {
+    color: () => [unseen],
+    coverage: () => [rampBar(), ends("1 photo", `${Math.round(span)} photos`), unseen],
+    weights: () => [rampBar(), ends("counts little", "counts fully"), unseen],
+    source: () => [el("div", {}, "Colors: see the list of photos"), unseen],
+  };
+  const made = rows[layer]?.() ?? [];
+  legend.hidden = made.length === 0;
+  legend.replaceChildren(...made);
+}
+
+function ends(left: string, right: string): HTMLElement {
+  return el("div", {}, el("span", {}, left), el("span", {}, right));
+}
+
+function rampBar(): HTMLCanvasElement {
+  const canvas = el("canvas", { width: 256, height: 1 });
+  const context = canvas.getContext("2d")!;
+  RAMP.forEach((rgb, i) => {
+    context.fillStyle = css(rgb);
+    context.fillRect(i, 0, 1, 1);
+  });
+  return canvas;
+}

@@ -1,0 +1,64 @@
+// Starts the page and keeps it in step with the server.
+
+import "./style.css";
+import * as api from "./api.ts";
+import { App } from "./app.ts";
+import { byId } from "./dom.ts";
+import { connect } from "./gestures.ts";
+import { hideJob, notice, showJob } from "./notice.ts";
+
+const app = new App();
+connect(app);
+
+let lost = false;
+
+api.listen({
+  hello() {
+    if (lost) notice("");
+    lost = false;
+    document.body.dataset.online = "true";
+    hideJob();
+    void app.refresh().then(() => {
+      for (const job of app.facts?.jobs ?? []) showJob(job);
+      return app.picking.resume();
+    });
+  },
+  lost() {
+    lost = true;
+    document.body.dataset.online = "false";
+    notice("The server does not answer. Your work is kept here and saved when it is back.", "bad", false);
+  },
+  job(job) {
+    showJob(job);
+    if (job.state === "done" && job.kind !== "layer") void app.refresh();
+    app.picking.onJob(job);
+  },
+  files(changed) {
+    app.picking.onFiles(changed);
+    void app.refresh();
+  },
+  light() {
+    void app.loadLight();
+  },
+});
+
+for (const kind of ["register", "color"]) {
+  byId(`do-${kind}`).addEventListener("click", () => void app.start(kind));
+}
+
+for (const tab of document.querySelectorAll<HTMLButtonElement>("#tabs button")) {
+  tab.addEventListener("click", () => {
+    document.body.dataset.sheet = tab.dataset.sheet;
+    for (const other of document.querySelectorAll("#tabs button")) {
+      other.setAttribute("aria-pressed", String(other === tab));
+    }
+  });
+}
+
+declare global {
+  interface Window {
+    /** For tests and the curious. */
+    texproj: App;
+  }
+}
+window.texproj = app;

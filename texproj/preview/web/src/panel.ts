@@ -1,0 +1,140 @@
+// The right-hand panel of the result view: layers, light, exposure, photo over model.
+
+import type { PhotoFacts } from "./api.ts";
+import { check, el, section, slider } from "./dom.ts";
+import type { Layer } from "./surface.ts";
+
+export interface Look {
+  layer: Layer;
+  exposure: number;
+  roughness: number;
+  light: [number, number];
+  frustums: boolean;
+  opacity: number;
+  wipe: number;
+}
+
+export const LAYERS: { layer: Layer; name: string; what: string }[] = [
+  { layer: "color", name: "Color", what: "The model colored from the photos, on its vertices" },
+  { layer: "texture", name: "Texture", what: "The model with its texture" },
+  { layer: "shaded", name: "Plain", what: "Bare shape under a movable light" },
+  { layer: "normals", name: "Normals", what: "Direction of the surface as color" },
+  { layer: "ao", name: "Occlusion", what: "How open the surface is to its surroundings" },
+  { layer: "coverage", name: "Coverage", what: "How many photos see the surface" },
+  { layer: "source", name: "Source", what: "Which photo counts most" },
+  { layer: "weights", name: "Weights", what: "How much the chosen photo counts" },
+];
+
+export interface PanelActions {
+  change(part: Partial<Look>): void;
+  exitPhoto(): void;
+  pick(photo: PhotoFacts): void;
+}
+
+export function viewPanel(
+  look: Look, available: Set<Layer>, photo: PhotoFacts | null, inPhoto: boolean, act: PanelActions,
+): HTMLElement[] {
+  const parts = [layerSection(look, available, act), toneSection(look, act)];
+  if (look.layer === "shaded") parts.push(lightSection(look, act));
+  if (photo) parts.unshift(photoSection(look, photo, inPhoto, act));
+  return parts;
+}
+
+function layerSection(look: Look, available: Set<Layer>, act: PanelActions): HTMLElement {
+  const buttons = LAYERS.map(({ layer, name, what }) => {
+    const button = el(
+      "button",
+      {
+        type: "button", role: "radio", title: what, "data-layer": layer, "aria-checked": look.layer === layer,
+        onclick: () => act.change({ layer }),
+      },
+      name,
+    );
+    button.disabled = !available.has(layer);
+    return button;
+  });
+  const what = LAYERS.find((entry) => entry.layer === look.layer)!.what;
+  return section(
+    "Show",
+    el("div", { class: "choices", role: "radiogroup", "aria-label": "Layer" }, ...buttons),
+    el("p", { class: "hint" }, available.size > 1 || look.layer !== "shaded" ? what : "No result yet."),
+  );
+}
+
+function toneSection(look: Look, act: PanelActions): HTMLElement {
+  const say = (ev: number) => `${ev > 0 ? "+" : ""}${ev.toFixed(1)} EV`;
+  return section(
+    "Picture",
+    slider("Exposure", { min: -4, max: 4, step: 0.1, value: look.exposure }, say, (exposure) => act.change({ exposure })),
+    check("Cameras", look.frustums, (frustums) => act.change({ frustums })),
+  );
+}
+
+function lightSection(look: Look, act: PanelActions): HTMLElement {
+  const percent = (value: number) => `${Math.round(value * 100)} %`;
+  const rough = slider(
+    "Roughness", { min: 0.15, max: 1, step: 0.01, value: look.roughness }, percent, (roughness) => act.change({ roughness }),
+  );
+  return section("Light", el("div", { class: "light-row" }, lightPad(look, act), rough));
+}
+
+function lightPad(look: Look, act: PanelActions): HTMLElement {
+  const dot = el("i");
+  const pad = el("div", { id: "light-pad", tabindex: 0, role: "application", "aria-label": "Direction of the light; arrow keys move it" }, dot);
+  let [x, y] = look.light;
+  const put = (nx: number, ny: number) => {
+    const length = Math.max(Math.hypot(nx, ny) / 0.97, 1);
+    [x, y] = [nx / length, ny / length];
+    dot.style.left = `${50 + x * 46}%`;
+    dot.style.top = `${50 - y * 46}%`;
+    act.change({ light: [x, y] });
+  };
+  const follow = (event: PointerEvent) => {
+    const box = pad.getBoundingClientRect();
+    put(((event.clientX - box.left) / box.width) * 2 - 1, 1 - ((event.clientY - box.top) / box.height) * 2);
+  };
+  pad.addEventListener("pointerdown", (event) => {
+    pad.setPointerCapture(event.pointerId);
+    follow(event);
+  });
+  pad.addEventListener("pointermove", (event) => {
+    if (event.buttons) follow(event);
+  });
+  pad.addEventListener("keydown", (event) => {
+    const step = { ArrowLeft: [-0.08, 0], ArrowRight: [0.08, 0], ArrowUp: [0, 0.08], ArrowDown: [0, -0.08] }[event.key];
+    if (!step) return;
+    event.preventDefault();
+    event.stopPropagation();
+    put(x + step[0], y + step[1]);
+  });
+  dot.style.left = `${50 + x * 46}%`;
+  dot.style.top = `${50 - y * 46}%`;
+  return pad;
+}
+
+function photoSection(look: Look, photo: PhotoFacts, inPhoto: boolean, act: PanelActions): HTMLElement {
+  const percent = (value: number) => `${Math.round(value * 100)} %`;
+  const pick = el("button", { type: "button", onclick: () => act.pick(photo) }, "Pick points");
+  if (!inPhoto) return section(photo.name, facts(photo), el("div", { class: "button-row" }, pick));
+  const leave = el("button", { type: "button", onclick: () => act.exitPhoto() }, "Leave photo");
+  return section(
+    photo.name,
+    facts(photo),
+    slider("Photo over model", { min: 0, max: 1, step: 0.01, value: look.opacity }, percent, (opacity) => act.change({ opacity })),
+    slider("Wipe", { min: 0, max: 1, step: 0.001, value: look.wipe }, percent, (wipe) => act.change({ wipe })),
+    el("p", { class: "hint" }, el("kbd", {}, "Space"), " blinks photo and model"),
+    el("div", { class: "button-row" }, leave, pick),
+  );
+}
+
+function facts(photo: PhotoFacts): HTMLElement {
+  const rows: [string, string][] = [];
+  if (photo.width) rows.push(["Size", `${photo.width} \u00d7 ${photo.height}`]);
+  if (photo.camera) rows.push(["Focal length", `${photo.camera.f[0].toFixed(1)} px`]);
+  const error = photo.expected_error_px;
+  if (error != null) rows.push(["Expected error", `${error.toFixed(2)} px`]);
+  const median = photo.quality?.median_residual_px;
+  if (typeof median === "number") rows.push(["Median residual", `${median.toFixed(2)} px`]);
+  if (photo.picks) rows.push(["Picks", String(photo.picks)]);
+  return el("dl", { class: "facts-table" }, ...rows.flatMap(([k, v]) => [el("dt", {}, k), el("dd", {}, v)]));
+}

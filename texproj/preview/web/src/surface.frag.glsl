@@ -1,0 +1,89 @@
+// Fragment shader of the model. in: surface.vert.glsl; out: sRGB. Modes as in surface.ts.
+// Shading: Cook-Torrance with GGX (Walter et al. 2007), Smith's masking in the form of Heitz 2014,
+// Schlick's Fresnel; tone mapping: Khronos PBR Neutral.
+precision highp float;
+in vec3 vNormal;
+in vec3 vNormalInView;
+in vec3 vPositionInView;
+in vec4 vColor;
+in float vValue;
+flat in float vFlatValue;
+in vec2 vUv;
+uniform int mode;
+uniform float exposure;     // factor on linear light
+uniform vec3 light;         // unit, to the light, view axes
+uniform float roughness;
+uniform float span;         // value that the end of the ramp stands for
+uniform sampler2D ramp;     // 256 x 1 colors of values, sRGB as stored
+#ifdef USE_MAP
+uniform sampler2D map;
+#endif
+out vec4 pixel;
+
+const float PI = 3.14159265;
+const vec3 ALBEDO = vec3(0.55);
+
+vec3 encoded(vec3 c) {
+  c = clamp(c, 0.0, 1.0);
+  return mix(12.92 * c, 1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, step(0.0031308, c));
+}
+
+vec3 toneMapped(vec3 c) {
+  float x = min(c.r, min(c.g, c.b));
+  c -= x < 0.08 ? x - 6.25 * x * x : 0.04;
+  float peak = max(c.r, max(c.g, c.b));
+  const float start = 0.76;
+  if (peak < start) return c;
+  float d = 1.0 - start;
+  float newPeak = 1.0 - d * d / (peak + d - start);
+  float g = 1.0 - 1.0 / (0.15 * (peak - newPeak) + 1.0);
+  return mix(c * newPeak / peak, vec3(newPeak), g);
+}
+
+float specular(vec3 n, vec3 v, vec3 l) {
+  vec3 h = normalize(v + l);
+  float a2 = pow(roughness, 4.0);
+  float nh = max(dot(n, h), 0.0), nv = max(dot(n, v), 1e-4), nl = max(dot(n, l), 1e-4);
+  float d = nh * nh * (a2 - 1.0) + 1.0;
+  float distribution = a2 / (PI * d * d);
+  float masking = 0.5 / (nl * sqrt(nv * nv * (1.0 - a2) + a2) + nv * sqrt(nl * nl * (1.0 - a2) + a2));
+  float fresnel = 0.04 + 0.96 * pow(1.0 - max(dot(v, h), 0.0), 5.0);
+  return distribution * masking * fresnel;
+}
+
+vec3 shaded(vec3 n) {
+  vec3 v = normalize(-vPositionInView);
+  float nl = max(dot(n, light), 0.0);
+  vec3 direct = (ALBEDO / PI + specular(n, v, light)) * nl * 3.0;
+  vec3 ambient = ALBEDO * (0.13 + 0.07 * n.y);
+  return toneMapped((direct + ambient) * exposure);
+}
+
+// Where no photo looked: a quiet hatch, so that it is never taken for a dark surface.
+vec3 unseen() {
+  float stripe = step(0.5, fract((gl_FragCoord.x + gl_FragCoord.y) / 12.0));
+  return vec3(mix(0.20, 0.25, stripe));
+}
+
+vec4 surfaceColor() {
+#ifdef USE_MAP
+  return texture(map, vUv);
+#else
+  return vColor;
+#endif
+}
+
+vec3 picture() {
+  vec3 n = normalize(gl_FrontFacing ? vNormalInView : -vNormalInView);
+  if (mode == 1) return encoded(shaded(n));
+  if (mode == 2) return normalize(vNormal) * 0.5 + 0.5;
+  if (mode == 3) return vValue < 0.0 ? unseen() : encoded(vec3(vValue) * exposure);
+  if (mode == 4) return vFlatValue < -0.5 ? unseen() : texture(ramp, vec2((vFlatValue + 0.5) / 256.0, 0.5)).rgb;
+  if (mode == 5) return vValue <= 0.0 ? unseen() : texture(ramp, vec2(clamp(vValue / span, 0.0, 1.0), 0.5)).rgb;
+  vec4 color = surfaceColor();
+  return color.a < 0.5 ? unseen() : encoded(color.rgb * exposure);
+}
+
+void main() {
+  pixel = vec4(picture(), 1.0);
+}

@@ -1,0 +1,194 @@
+// The model on the graphics card: full, light (while moving) and textured, under one shader.
+
+import * as THREE from "three";
+import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
+import type { Pack } from "./api.ts";
+import { PALETTE, RAMP, rampTexture } from "./ramps.ts";
+import fragmentShader from "./surface.frag.glsl";
+import vertexShader from "./surface.vert.glsl";
+
+export type Layer = "color" | "texture" | "shaded" | "normals" | "ao" | "coverage" | "source" | "weights";
+
+/** Which branch of surface.frag.glsl shows a layer. */
+const MODES: Record<Layer, number> = {
+  color: 0, texture: 0, shaded: 1, normals: 2, ao: 3, source: 4, coverage: 5, weights: 5,
+};
+
+export class Surface {
+  readonly group = new THREE.Group();
+  center = new THREE.Vector3();
+  radius = 1;
+  faces = 0;
+  layer: Layer = "shaded";
+  private full: THREE.Mesh | null = null;
+  private light: THREE.Mesh | null = null;
+  private textured: THREE.Group | null = null;
+  private nearest: Uint32Array | null = null;
+  private readonly uniforms = surfaceUniforms();
+  private readonly material = surfaceMaterial(this.uniforms);
+
+  /** Show the full mesh. */
+  setFull(pack: Pack): void {
+    this.center.fromArray(pack.facts.center as number[]);
+    this.full = this.replace(this.full, meshOf(pack, this.material));
+    const sphere = this.full.geometry.boundingSphere!;
+    this.radius = Math.max(sphere.radius, 1e-9);
+    this.faces = pack.arrays.faces.length / 3;
+    this.setMoving(false);
+  }
+
+  /** Have a simplified mesh for while the view moves. */
+  setLight(pack: Pack): void {
+    this.light = this.replace(this.light, meshOf(pack, this.material));
+    this.nearest = pack.arrays.vertex_of_light as Uint32Array;
+    const { rgba, value } = this.full!.geometry.attributes;
+    this.copyToLight("rgba", rgba.array as Uint8Array, 4);
+    this.copyToLight("value", value.array as Float32Array, 1);
+    this.light.visible = false;
+  }
+
+  get hasLight(): boolean {
+    return this.light !== null;
+  }
+
+  setColors(rgba: Uint8Array): void {
+    this.setAttribute("rgba", rgba, 4);
+  }
+
+  /** Values of a scalar layer; `span` is the value at the end of the color ramp. */
+  setValues(values: Float32Array, span: number): void {
+    this.setAttribute("value", values, 1);
+    this.uniforms.span.value = span;
+  }
+
+  async loadTextured(url: string): Promise<void> {
+    const loaded = await new GLTFLoader().loadAsync(url);
+    this.textured?.removeFromParent();
+    this.textured = new THREE.Group();
+    this.textured.position.copy(this.center).negate();
+    this.textured.add(loaded.scene);
+    loaded.scene.traverse((node) => {
+      if (node instanceof THREE.Mesh) node.material = this.texturedMaterial(node.material);
+    });
+    this.group.add(this.textured);
+    this.show();
+  }
+
+  get hasTextured(): boolean {
+    return this.textured !== null;
+  }
+
+  setLayer(layer: Layer): void {
+    this.layer = layer;
+    this.uniforms.mode.value = MODES[layer];
+    this.uniforms.ramp.value = layer === "source" ? PALETTE_TEXTURE : RAMP_TEXTURE;
+    this.show();
+  }
+
+  setExposure(stops: number): void {
+    this.uniforms.exposure.value = 2 ** stops;
+  }
+
+  /** Direction to the light, view axes: x right, y up, z to the viewer. */
+  setLightDirection(x: number, y: number): void {
+    const z = Math.sqrt(Math.max(0, 1 - x * x - y * y));
+    this.uniforms.light.value.set(x, y, z).normalize();
+  }
+
+  setRoughness(value: number): void {
+    this.uniforms.roughness.value = value;
+  }
+
+  /** Use the light mesh, if there is one, or the full one. */
+  setMoving(moving: boolean): void {
+    this.moving = moving;
+    this.show();
+  }
+
+  private moving = false;
+
+  private show(): void {
+    const textured = this.layer === "texture" && this.textured !== null;
+    const light = this.moving && this.light !== null && !textured;
+    if (this.full) this.full.visible = !light && !textured;
+    if (this.light) this.light.visible = light;
+    if (this.textured) this.textured.visible = textured;
+  }
+
+  private texturedMaterial(original: THREE.Material | THREE.Material[]): THREE.ShaderMaterial {
+    const first = Array.isArray(original) ? original[0] : original;
+    const map = (first as THREE.MeshBasicMaterial).map ?? null;
+    const material = surfaceMaterial({ ...this.uniforms, map: { value: map } });
+    if (map) {
+      material.defines.USE_MAP = "";
+      map.anisotropy = 8;
+    }
+    return material;
+  }
+
+  private replace(old: THREE.Mesh | null, made: THREE.Mesh): THREE.Mesh {
+    old?.removeFromParent();
+    old?.geometry.dispose();
+    this.group.add(made);
+    return made;
+  }
+
+  private setAttribute(name: "rgba" | "value", data: Uint8Array | Float32Array, size: number): void {
+    if (!this.full) return;
+    this.full.geometry.setAttribute(name, new THREE.BufferAttribute(data, size, size === 4));
+    if (this.light) this.copyToLight(name, data, size);
+  }
+
+  private copyToLight(name: string, data: Uint8Array | Float32Array, size: number): void {
+    const nearest = this.nearest!;
+    const Type = data.constructor as new (n: number) => typeof data;
+    const out = new Type(nearest.length * size);
+    for (let i = 0; i < nearest.length; i++) {
+      for (let k = 0; k < size; k++) out[i * size + k] = data[nearest[i] * size + k];
+    }
+    this.light!.geometry.setAttribute(name, new THREE.BufferAttribute(out, size, size === 4));
+  }
+}
+
+const RAMP_TEXTURE = rampTexture(RAMP);
+const PALETTE_TEXTURE = rampTexture(PALETTE, true);
+
+function surfaceUniforms() {
+  return {
+    mode: { value: MODES.shaded },
+    exposure: { value: 1 },
+    light: { value: new THREE.Vector3(-0.35, 0.45, 0.82).normalize() },
+    roughness: { value: 0.55 },
+    span: { value: 1 },
+    ramp: { value: RAMP_TEXTURE },
+  };
+}
+
+function surfaceMaterial(uniforms: Record<string, THREE.IUniform>): THREE.ShaderMaterial {
+  return new THREE.ShaderMaterial({
+    uniforms,
+    vertexShader,
+    fragmentShader,
+    glslVersion: THREE.GLSL3,
+    side: THREE.DoubleSide,
+    toneMapped: false,
+  });
+}
+
+function meshOf(pack: Pack, material: THREE.Material): THREE.Mesh {
+  const { positions, normals, faces } = pack.arrays;
+  const geometry = new THREE.BufferGeometry();
+  const count = positions.length / 3;
+  geometry.setIndex(new THREE.BufferAttribute(faces, 1));
+  geometry.setAttribute("position", new THREE.BufferAttribute(positions, 3));
+  geometry.setAttribute("normal", normalAttribute(normals as Int8Array));
+  geometry.setAttribute("rgba", new THREE.BufferAttribute(new Uint8Array(count * 4), 4, true));
+  geometry.setAttribute("value", new THREE.BufferAttribute(new Float32Array(count).fill(-1), 1));
+  geometry.computeBoundingSphere();
+  return new THREE.Mesh(geometry, material);
+}
+
+/** Three of each four bytes: the graphics card wants attributes at multiples of four bytes. */
+function normalAttribute(normals: Int8Array): THREE.InterleavedBufferAttribute {
+  return new THREE.InterleavedBufferAttribute(new THREE.InterleavedBuffer(normals, 4), 3, 0, true);
+}

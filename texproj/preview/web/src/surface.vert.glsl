@@ -1,0 +1,31 @@
+// Vertex shader of the model. in: position relative to the scene's center (mesh units), normal
+// (unit), rgba (sRGB, a = seen), value (layer); out: the same for the fragment, color in linear light.
+in vec4 rgba;
+in float value;
+out vec3 vNormal;
+out vec3 vNormalInView;
+out vec3 vPositionInView;
+out vec4 vColor;
+out float vValue;
+flat out float vFlatValue;
+out vec2 vUv;
+
+vec3 linearOf(vec3 c) {
+  return mix(c / 12.92, pow((c + 0.055) / 1.055, vec3(2.4)), step(0.04045, c));
+}
+
+void main() {
+  vec4 inView = modelViewMatrix * vec4(position, 1.0);
+  vNormal = normal;
+  vNormalInView = normalMatrix * normal;
+  vPositionInView = inView.xyz;
+  vColor = vec4(linearOf(rgba.rgb), rgba.a);
+  vValue = value;
+  vFlatValue = value;
+#ifdef USE_MAP
+  vUv = uv;
+#else
+  vUv = vec2(0.0);
+#endif
+  gl_Position = projectionMatrix * inView;
+}

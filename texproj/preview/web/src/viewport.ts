@@ -1,0 +1,401 @@
+// The view of the model: orbiting freely, or through a photo's camera.
+
+import * as THREE from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { Frustums } from "./frustums.ts";
+import type { Camera, Sides, Vec2, Vec3 } from "./lens.ts";
+import { center as centerOf, distort, ideal, sidesOfPhoto } from "./lens.ts";
+import { PhotoOverlay } from "./overlay.ts";
+import { Surface } from "./surface.ts";
+
+const FIELD_OF_VIEW_DEG = 36;
+const FLIGHT_MS = 650;
+const SETTLE_MS = 160;
+/** Frames slower than this while moving bring in the light mesh. */
+const SLOW_FRAME_MS = 45;
+const MAX_ZOOM = 64;
+
+interface Pose {
+  position: THREE.Vector3;
+  quaternion: THREE.Quaternion;
+  sides: Sides;
+}
+
+/** Part of a photo's ideal plane on screen: middle (tangents, y up) and pixels per tangent. */
+export interface Window {
+  x: number;
+  y: number;
+  scale: number;
+}
+
+export class Viewport {
+  readonly surface = new Surface();
+  readonly frustums = new Frustums();
+  readonly overlay = new PhotoOverlay();
+  readonly camera = new THREE.PerspectiveCamera(FIELD_OF_VIEW_DEG);
+  photoCamera: Camera | null = null;
+  window: Window = { x: 0, y: 0, scale: 1 };
+  /** After each frame: marks follow here. */
+  onFrame: () => void = () => undefined;
+  /** After the photo's window moved by hand. */
+  onWindow: () => void = () => undefined;
+  frames = 0;
+  private readonly renderer: THREE.WebGLRenderer;
+  private readonly scene = new THREE.Scene();
+  private controls: OrbitControls;
+  private sides: Sides = { left: -1, right: 1, bottom: -1, top: 1 };
+  private flight: { from: Pose; to: Pose; start: number; ms: number; done: () => void } | null = null;
+  private dirty = true;
+  private movedAt = -Infinity;
+  private lastFrame = 0;
+  private slow = false;
+  private reach = 4;
+
+  constructor(readonly canvas: HTMLCanvasElement) {
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true });
+    this.renderer.setClearColor(0x2b2b2b);
+    this.renderer.toneMapping = THREE.NoToneMapping;
+    this.scene.add(this.surface.group, this.frustums.group, this.overlay.mesh);
+    this.controls = this.newControls();
+    new ResizeObserver(() => this.resize()).observe(canvas.parentElement!);
+    this.resize();
+    requestAnimationFrame((now) => this.tick(now));
+  }
+
+  get flying(): boolean {
+    return this.flight !== null;
+  }
+
+  get size(): Vec2 {
+    return [this.canvas.clientWidth, this.canvas.clientHeight];
+  }
+
+  invalidate(): void {
+    this.dirty = true;
+  }
+
+  /** Start from a sensible side of the model. up: world; from: a direction to look from. */
+  home(up: THREE.Vector3, from: THREE.Vector3, reach: number): void {
+    this.reach = Math.max(4, reach / this.surface.radius + 1);
+    this.camera.up.copy(up);
+    this.controls.dispose();
+    this.controls = this.newControls();
+    this.lookFrom(from);
+  }
+
+  /** See the whole model from direction `from`. */
+  lookFrom(from: THREE.Vector3): void {
+    this.leavePhoto();
+    const half = (Math.min(1, this.aspect) * Math.tan((FIELD_OF_VIEW_DEG * Math.PI) / 360));
+    const distance = (this.surface.radius / half) * 0.82;
+    this.camera.position.copy(from).normalize().multiplyScalar(distance);
+    this.controls.target.set(0, 0, 0);
+    this.controls.update();
+    this.moved();
+  }
+
+  /** Fly to where the model is seen whole, from the present side. */
+  frame(): void {
+    const away = this.camera.position.clone().sub(this.controls.target);
+    const from = this.pose();
+    this.lookFrom(away.lengthSq() > 0 ? away : new THREE.Vector3(0, 0, 1));
+    this.fly(from, this.orbitPose(), () => undefined);
+  }
+
+  /** Fly into the exact view of a photo. */
+  enterPhoto(camera: Camera, animate = true): void {
+    const from = this.pose();
+    this.photoCamera = camera;
+    this.controls.enabled = false;
+    this.overlay.setCamera(camera);
+    this.fitPhoto();
+    this.fly(from, this.photoPose(camera), () => this.overlay.show(true), animate ? FLIGHT_MS : 0);
+  }
+
+  /** Back to free orbiting, from where the photo was taken. */
+  exitPhoto(): void {
+    if (!this.photoCamera) return;
+    const from = this.pose();
+    const forward = new THREE.Vector3(0, 0, -1).applyQuaternion(this.camera.quaternion);
+    const depth = Math.max(-this.camera.position.dot(forward), this.surface.radius * 0.05);
+    this.leavePhoto();
+    this.controls.target.copy(this.camera.position).addScaledVector(forward, depth);
+    this.controls.update();
+    this.fly(from, this.orbitPose(), () => undefined);
+  }
+
+  /** Orbit around a point of the scene (relative to the surface's center). */
+  turnAbout(point: THREE.Vector3): void {
+    const from = this.pose();
+    this.controls.target.copy(point);
+    this.controls.update();
+    this.fly(from, this.orbitPose(), () => undefined);
+  }
+
+  /** Show the whole photo. */
+  fitPhoto(): void {
+    const sides = sidesOfPhoto(this.photoCamera!);
+    const [w, h] = this.size;
+    const scale = Math.min(w / (sides.right - sides.left), h / (sides.top - sides.bottom));
+    this.window = { x: (sides.left + sides.right) / 2, y: (sides.top + sides.bottom) / 2, scale };
+  }
+
+  setWindow(window: Window): void {
+    this.window = window;
+    this.moved();
+  }
+
+  /** Zoom of the photo's view by `factor` about a point of the canvas. */
+  zoomPhoto(factor: number, at: Vec2): void {
+    const camera = this.photoCamera!;
+    const [w, h] = this.size;
+    const whole = Math.min(w / (camera.width / camera.f[0]), h / (camera.height / camera.f[1]));
+    const scale = clamp(this.window.scale * factor, whole / 4, MAX_ZOOM * camera.f[0]);
+    const [dx, dy] = [at[0] - w / 2, h / 2 - at[1]];
+    const x = this.window.x + dx / this.window.scale - dx / scale;
+    const y = this.window.y + dy / this.window.scale - dy / scale;
+    this.setWindow({ x, y, scale });
+    this.onWindow();
+  }
+
+  /** Zoom by `factor` about a point of the canvas, whatever the view. */
+  zoomAt(factor: number, at: Vec2): void {
+    if (this.photoCamera) {
+      this.zoomPhoto(factor, at);
+      return;
+    }
+    const offset = this.camera.position.clone().sub(this.controls.target).divideScalar(factor);
+    this.camera.position.copy(this.controls.target).add(offset);
+    this.moved();
+  }
+
+  panPhoto(dx: number, dy: number): void {
+    const { x, y, scale } = this.window;
+    this.setWindow({ x: x - dx / scale, y: y + dy / scale, scale });
+    this.onWindow();
+  }
+
+  /** World point to canvas pixels; null behind the viewer. */
+  toScreen(world: Vec3): Vec2 | null {
+    const p = new THREE.Vector3(...world).sub(this.surface.center);
+    p.applyMatrix4(this.camera.matrixWorldInverse);
+    if (p.z >= 0) return null;
+    const [w, h] = this.size;
+    const { left, right, bottom, top } = this.sides;
+    return [
+      ((-p.x / p.z - left) / (right - left)) * w,
+      (1 - (-p.y / p.z - bottom) / (top - bottom)) * h,
+    ];
+  }
+
+  /** The ray through a point of the canvas: origin and unit direction, world. */
+  ray(at: Vec2): { origin: Vec3; direction: Vec3 } {
+    const ray = this.raycaster(at).ray;
+    return {
+      origin: ray.origin.clone().add(this.surface.center).toArray() as Vec3,
+      direction: ray.direction.toArray() as Vec3,
+    };
+  }
+
+  /** The photo whose pyramid is under a point of the canvas. */
+  photoUnder(at: Vec2): string | null {
+    return this.photoCamera ? null : this.frustums.under(this.raycaster(at));
+  }
+
+  /** Whether a surface normal there looks at the viewer. */
+  facing(world: Vec3, normal: Vec3): boolean {
+    const toEye = this.camera.position.clone().add(this.surface.center).sub(new THREE.Vector3(...world));
+    return toEye.dot(new THREE.Vector3(...normal)) > 0;
+  }
+
+  /** Draw once more into a square of `canvas2d`, magnified around a point: the loupe. */
+  drawLoupe(target: CanvasRenderingContext2D, at: Vec2, zoom: number): void {
+    const edge = target.canvas.width;
+    const [w, h] = this.size;
+    const { left, right, bottom, top } = this.sides;
+    const [tx, ty] = [(right - left) / w, (top - bottom) / h];
+    const x = left + at[0] * tx;
+    const y = top - at[1] * ty;
+    const half = edge / 2 / zoom / devicePixelRatio;
+    const sides = { left: x - half * tx, right: x + half * tx, bottom: y - half * ty, top: y + half * ty };
+    const ratio = this.renderer.getPixelRatio();
+    const px = edge / ratio;
+    this.renderer.setViewport(0, 0, px, px);
+    this.draw(sides);
+    const rows = this.canvas.height;
+    target.drawImage(this.canvas, 0, rows - edge, edge, edge, 0, 0, edge, edge);
+    this.renderer.setViewport(0, 0, w, h);
+    this.draw(this.sides);
+  }
+
+  private raycaster(at: Vec2): THREE.Raycaster {
+    const [w, h] = this.size;
+    const { left, right, bottom, top } = this.sides;
+    const x = left + (at[0] / w) * (right - left);
+    const y = top - (at[1] / h) * (top - bottom);
+    const direction = new THREE.Vector3(x, y, -1).normalize().applyQuaternion(this.camera.quaternion);
+    const caster = new THREE.Raycaster(this.camera.position.clone(), direction);
+    caster.camera = this.camera;
+    return caster;
+  }
+
+  private get aspect(): number {
+    return Math.max(this.size[0], 1) / Math.max(this.size[1], 1);
+  }
+
+  private newControls(): OrbitControls {
+    const controls = new OrbitControls(this.camera, this.canvas);
+    controls.enableDamping = true;
+    controls.dampingFactor = 0.12;
+    controls.zoomToCursor = true;
+    controls.rotateSpeed = 0.9;
+    controls.addEventListener("change", () => this.moved());
+    return controls;
+  }
+
+  private moved(): void {
+    this.movedAt = performance.now();
+    this.dirty = true;
+  }
+
+  private leavePhoto(): void {
+    this.photoCamera = null;
+    this.overlay.show(false);
+    this.controls.enabled = true;
+  }
+
+  private resize(): void {
+    const box = this.canvas.parentElement!;
+    const [w, h] = [Math.max(box.clientWidth, 1), Math.max(box.clientHeight, 1)];
+    const before = this.size;
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    this.renderer.setSize(w, h);
+    this.camera.aspect = w / h;
+    if (this.photoCamera && before[0] > 0) this.window.scale *= Math.min(w / before[0], h / before[1]) || 1;
+    this.draw(this.currentSides());
+    this.dirty = true;
+  }
+
+  private currentSides(): Sides {
+    const [w, h] = this.size;
+    if (this.photoCamera) {
+      const { x, y, scale } = this.window;
+      return { left: x - w / 2 / scale, right: x + w / 2 / scale, bottom: y - h / 2 / scale, top: y + h / 2 / scale };
+    }
+    const top = Math.tan((FIELD_OF_VIEW_DEG * Math.PI) / 360);
+    return { left: -top * this.aspect, right: top * this.aspect, bottom: -top, top };
+  }
+
+  private pose(): Pose {
+    return { position: this.camera.position.clone(), quaternion: this.camera.quaternion.clone(), sides: { ...this.sides } };
+  }
+
+  private orbitPose(): Pose {
+    return { position: this.camera.position.clone(), quaternion: this.camera.quaternion.clone(), sides: this.currentSides() };
+  }
+
+  private photoPose(camera: Camera): Pose {
+    const [x, y, z] = camera.R.map((row) => new THREE.Vector3(...row));
+    const basis = new THREE.Matrix4().makeBasis(x, y.negate(), z.negate());
+    return {
+      position: new THREE.Vector3(...centerOf(camera)).sub(this.surface.center),
+      quaternion: new THREE.Quaternion().setFromRotationMatrix(basis),
+      sides: this.currentSides(),
+    };
+  }
+
+  private fly(from: Pose, to: Pose, done: () => void, ms = FLIGHT_MS): void {
+    const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
+    this.overlay.show(false);
+    this.flight = { from, to, start: performance.now(), ms: still ? 0 : ms, done };
+    this.controls.enabled = false;
+    this.moved();
+  }
+
+  private advanceFlight(now: number): void {
+    const { from, to, start, ms, done } = this.flight!;
+    const part = ms > 0 ? clamp((now - start) / ms, 0, 1) : 1;
+    const eased = part * part * (3 - 2 * part);
+    this.camera.position.lerpVectors(from.position, to.position, eased);
+    this.camera.quaternion.slerpQuaternions(from.quaternion, to.quaternion, eased);
+    this.sides = mixSides(from.sides, to.sides, eased);
+    this.moved();
+    if (part < 1) return;
+    this.flight = null;
+    this.controls.enabled = !this.photoCamera;
+    done();
+  }
+
+  private tick(now: number): void {
+    requestAnimationFrame((next) => this.tick(next));
+    if (this.flight) this.advanceFlight(now);
+    else {
+      if (this.controls.enabled) this.controls.update();
+      this.sides = this.currentSides();
+    }
+    const moving = now - this.movedAt < SETTLE_MS;
+    this.watchSpeed(now, moving);
+    const coarse = moving && this.slow;
+    if (coarse !== this.wasCoarse) {
+      this.wasCoarse = coarse;
+      this.surface.setMoving(coarse);
+      this.dirty = true;
+    }
+    if (!this.dirty) return;
+    this.dirty = false;
+    this.frames++;
+    this.draw(this.sides);
+    this.onFrame();
+  }
+
+  private wasCoarse = false;
+
+  /** Once full frames prove slow while moving, the light mesh is used from then on. */
+  private watchSpeed(now: number, moving: boolean): void {
+    const took = now - this.lastFrame;
+    this.lastFrame = now;
+    if (moving && this.surface.hasLight && took > SLOW_FRAME_MS && took < 1000) this.slow = true;
+  }
+
+  private draw(sides: Sides): void {
+    const distance = this.camera.position.length();
+    const far = distance + this.surface.radius * this.reach;
+    const near = Math.max(distance - this.surface.radius * this.reach, far * 5e-4);
+    const { left, right, bottom, top } = sides;
+    this.camera.projectionMatrix.makePerspective(
+      left * near, right * near, top * near, bottom * near, near, far, this.camera.coordinateSystem,
+    );
+    this.camera.projectionMatrixInverse.copy(this.camera.projectionMatrix).invert();
+    this.overlay.setSides(sides);
+    this.renderer.render(this.scene, this.camera);
+  }
+
+  /** Photo pixel at a point of the canvas, in the view of a photo. */
+  photoPixelAt(at: Vec2): Vec2 | null {
+    const camera = this.photoCamera;
+    if (!camera) return null;
+    const [w, h] = this.size;
+    const { x, y, scale } = this.window;
+    const xy = distort(camera, x + (at[0] - w / 2) / scale, -(y + (h / 2 - at[1]) / scale));
+    return xy && [xy[0] * camera.f[0] + camera.c[0], xy[1] * camera.f[1] + camera.c[1]];
+  }
+
+  /** The window that shows photo pixel `uv` in the middle at `scale` screen pixels per photo pixel. */
+  windowAt(uv: Vec2, scale: number): Window | null {
+    const camera = this.photoCamera;
+    const xy = camera && ideal(camera, ...uv);
+    return xy && { x: xy[0], y: -xy[1], scale: scale * camera.f[0] };
+  }
+}
+
+function mixSides(a: Sides, b: Sides, t: number): Sides {
+  const mix = (p: number, q: number) => p + (q - p) * t;
+  return {
+    left: mix(a.left, b.left), right: mix(a.right, b.right),
+    bottom: mix(a.bottom, b.bottom), top: mix(a.top, b.top),
+  };
+}
+
+export function clamp(value: number, low: number, high: number): number {
+  return Math.min(Math.max(value, low), high);
+}
