@@ -43,6 +43,9 @@ class RegisterOptions:
 class ColorOptions:
     """How photos are projected onto the surface and blended."""
 
+    to: Literal["vertices", "texture"] = "texture"
+    """One color per vertex of the mesh, or a texture."""
+
     depth_scale: Annotated[float, Field(gt=0, le=1)] = 0.5
     """Size of the depth image that decides what a photo sees, as a part of the photo's size."""
 
