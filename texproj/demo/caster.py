@@ -52,8 +52,10 @@ class Caster:
         """(m, c) per-vertex values (V, c) interpolated at the hits."""
         corner = self.faces[hits.face]
         u, v = hits.uv[:, :1], hits.uv[:, 1:]
-        a, b, c = (values[corner[:, k]] for k in range(3))
-        return a * (1 - u - v) + b * u + c * v
+        out = values[corner[:, 0]] * (1 - u - v)
+        out += values[corner[:, 1]] * u
+        out += values[corner[:, 2]] * v
+        return out
 
 
 def _c(array: Floats) -> Floats:

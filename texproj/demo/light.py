@@ -79,7 +79,7 @@ def sky_irradiance(
     return total / np.float32(rays)
 
 
-def smoothed(values: Floats, faces: NDArray[np.int32], rounds: int = 3) -> Floats:
+def smoothed(values: Floats, faces: NDArray[np.int32], rounds: int = 4) -> Floats:
     """(V, c) vertex values averaged with their neighbors', against the rays' noise."""
     i = faces[:, [0, 1, 2, 0, 1, 2]].ravel()
     j = faces[:, [1, 2, 0, 2, 0, 1]].ravel()

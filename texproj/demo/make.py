@@ -105,8 +105,8 @@ def true_colors(scene: Scene, scan: Mesh) -> tuple[Floats, Floats]:
     hits = scene.caster.first_hits(above, -normals)
     near = np.flatnonzero(hits.found)
     xyz[near] = above[near] - normals[near] * hits.distance[:, None]
-    sky[near] = scene.caster.at(hits, scene.sky)
-    normals[near] = unit(scene.caster.at(hits, scene.normals))
+    here = scene.caster.at(hits, scene.surface)
+    normals[near], sky[near] = unit(here[:, :3]), here[:, 3:]
     return scene.pattern(xyz), shaded(scene, xyz, normals, sky)
 
 

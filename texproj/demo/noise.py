@@ -6,6 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import fft
 from scipy.ndimage import map_coordinates
 
 Points = NDArray[np.float32]
@@ -19,14 +20,15 @@ CELLS = 96
 def _cube(seed: int, slope: float) -> NDArray[np.float32]:
     """(CELLS,)*3 periodic noise, mean 0, deviation 1, whose amplitude falls as frequency^-slope."""
     rng = np.random.default_rng([seed, 7919])
-    white = np.fft.rfftn(rng.standard_normal((CELLS,) * 3))
-    full, half = np.fft.fftfreq(CELLS, 1 / CELLS), np.fft.rfftfreq(CELLS, 1 / CELLS)
+    white = fft.rfftn(rng.standard_normal((CELLS,) * 3, np.float32))
+    full, half = fft.fftfreq(CELLS, 1 / CELLS), fft.rfftfreq(CELLS, 1 / CELLS)
     squared = full[:, None, None] ** 2 + full[None, :, None] ** 2 + half[None, None, :] ** 2
     squared[0, 0, 0] = np.inf
     # Frequencies beyond a quarter of the sampling rate are left out: linear interpolation
     # would turn them into visible cells.
     keep = squared < (CELLS / 4) ** 2
-    field = np.fft.irfftn(white * keep * squared ** (-slope / 2), (CELLS,) * 3, axes=(0, 1, 2))
+    shape = (keep * squared ** (-slope / 2)).astype(np.float32)
+    field = fft.irfftn(white * shape, (CELLS,) * 3)
     cube: NDArray[np.float32] = (field / field.std()).astype(np.float32)
     cube.flags.writeable = False
     return cube

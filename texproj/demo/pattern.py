@@ -45,7 +45,7 @@ def with_dots(base: Pattern, centers: Floats, radius: float, albedo: float = 1.0
         color = base(xyz)
         for center in np.asarray(centers, np.float32):
             squared = ((xyz - center) ** 2).sum(1, keepdims=True)
-            color = _mix(color, albedo, np.exp(squared / np.float32(-2 * radius**2)))
+            color = color + (albedo - color) * np.exp(squared / np.float32(-2 * radius**2))
         return color
 
     return dotted
@@ -55,41 +55,40 @@ def _constant(xyz: Floats, albedo: float) -> Floats:
     return np.full((len(xyz), 3), albedo, np.float32)
 
 
-def _mix(color: Floats, other: object, share: Floats) -> Floats:
-    return color + share * (np.asarray(other, np.float32) - color)
+def _mix(color: Floats, other: tuple[float, float, float], share: Floats) -> Floats:
+    """(3, n) channels moved towards `other` by (n,) shares."""
+    return color + share * (np.asarray(other, np.float32)[:, None] - color)
 
 
 def _rise(value: Floats, low: float, high: float) -> Floats:
     """0 below `low`, 1 above `high`, smooth between."""
-    t = np.clip((value - low) / (high - low), 0, 1)
-    return (t * t * (3 - 2 * t)).astype(np.float32)
+    t = np.clip((value - np.float32(low)) * np.float32(1 / (high - low)), 0, 1)
+    return t * t * (3 - 2 * t)
 
 
 def _painted(xyz: Floats, seed: int) -> Floats:
     broad = noise(xyz, 1.7, seed + 21, 1.6)
     fine = noise(xyz, 0.11, seed + 22, 1.2)
-    stone = np.asarray(LIMESTONE, np.float32) * (1 + 0.10 * broad + 0.07 * fine)[:, None]
+    stone = np.asarray(LIMESTONE, np.float32)[:, None] * (1 + 0.10 * broad + 0.07 * fine)
     vein = np.abs(noise(xyz, 0.9, seed + 23, 2.4))
-    stone = _mix(stone, SOOT, 0.75 * (1 - _rise(vein, 0.012, 0.035))[:, None])
-    color = _paint(stone, xyz, _rise(broad + 0.35 * fine, -0.75, -0.45))
-    lichen = _rise(noise(xyz, 0.8, seed + 24, 1.3) + 0.25 * fine, 1.25, 1.5)
-    color = _mix(color, LICHEN, 0.8 * lichen[:, None])
-    return np.clip(color * (1 + 0.09 * fine)[:, None], 0.01, 0.95)
+    stone = _mix(stone, SOOT, 0.75 * (1 - _rise(vein, 0.012, 0.035)))
+    color = _paint(stone, xyz, 0.85 * _rise(broad + 0.35 * fine, -1.15, -0.8))
+    color = _mix(color, LICHEN, 0.8 * _rise(broad + 0.45 * fine, 1.35, 1.7))
+    return np.clip(color * (1 + 0.09 * fine), 0.01, 0.95).T
 
 
 def _paint(color: Floats, xyz: Floats, kept: Floats) -> Floats:
-    """Paint over the stone where `kept` (n,) of the weather says so."""
-    x, y, z = xyz.T
+    """Paint over the (3, n) stone where `kept` (n,) of the weather says so."""
+    x, y, z = np.ascontiguousarray(xyz.T)
     around = np.arctan2(x, -y) * np.float32(0.45)
     for low, high, pigment in BANDS:
         inside = _rise(z, low, low + 0.002) * (1 - _rise(z, high, high + 0.002))
-        color = _mix(color, pigment, (0.85 * inside * kept)[:, None])
-    for pigment, mask in ((YELLOW, _chevrons(around, z)), (RED, _diamonds(around, z)),
-                          (BLUE, _rise(0.2 - np.abs(x), 0, 0.004) * _rise(y, -0.08, -0.07)
-                           * _rise(0.1 - y, 0, 0.01)),
-                          (GREEN, _stripes(x, y, z))):  # fmt: skip
-        color = _mix(color, pigment, (0.85 * mask * kept)[:, None])
-    return color
+        color = _mix(color, pigment, inside * kept)
+    recess = (np.abs(x) < 0.2) & (y > -0.08) & (y < 0.1)
+    color = _mix(color, YELLOW, _chevrons(around, z) * kept)
+    color = _mix(color, RED, _diamonds(around, z) * kept)
+    color = _mix(color, BLUE, recess * kept)
+    return _mix(color, GREEN, _stripes(x, y, z) * kept)
 
 
 def _chevrons(around: Floats, z: Floats) -> Floats:
@@ -106,7 +105,7 @@ def _diamonds(around: Floats, z: Floats) -> Floats:
 
 def _stripes(x: Floats, y: Floats, z: Floats) -> Floats:
     """A spiral on whatever stands in the middle of the front, between base and arch."""
-    turn = np.arctan2(x, y + np.float32(0.155)) / (2 * np.pi) + z / 0.09
+    turn = np.arctan2(x, y + 0.155) * np.float32(0.5 / np.pi) + z / 0.09
     stripe = _rise(np.abs((turn % 1) - 0.5), 0.30, 0.33)
     near = (np.hypot(x, y + 0.155) < 0.062) & (z > 0.31) & (z < 0.70)
     return stripe * near

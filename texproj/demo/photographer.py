@@ -7,8 +7,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from texproj.camera import Camera
 from texproj.demo import backdrop, lens
@@ -21,18 +23,22 @@ from texproj.mesh import Mesh, vertex_normals
 
 Floats = NDArray[np.float32]
 
+CHUNK = 1 << 15
+"""Rays at a time, so that intermediate values stay in the processor's cache."""
+
 
 @dataclass(frozen=True, eq=False)
 class Scene:
     """A piece in its place, lit. Local frame = world minus `origin`.
 
-    normals, sky: (V, 3) float32 per vertex of the caster's mesh; gloss: strength of the
-    highlight (0 matte, 1 polished), roughness: of its microfacets.
+    surface: (V, 6) float32, normal and sky light of each vertex of the caster's mesh;
+    hull: (k, 3) corners of its convex hull; gloss: strength of the highlight (0 matte,
+    1 polished), roughness: of its microfacets.
     """
 
     caster: Caster
-    normals: Floats
-    sky: Floats
+    surface: Floats
+    hull: Floats
     pattern: Pattern
     lighting: Lighting
     origin: NDArray[np.float64]
@@ -67,7 +73,7 @@ class Shot:
 
 
 def set_up(
-    mesh: Mesh, pattern: Pattern, lighting: Lighting, gloss: float = 0.0, sky_rays: int = 32,
+    mesh: Mesh, pattern: Pattern, lighting: Lighting, gloss: float = 0.0, sky_rays: int = 16,
     origin: NDArray[np.float64] | None = None,
 ) -> Scene:  # fmt: skip
     """The scene with sky light computed once for all photos; mesh in world coordinates."""
@@ -75,15 +81,17 @@ def set_up(
     caster = Caster(mesh, place)
     normals = vertex_normals(mesh).astype(np.float32)
     sky = sky_irradiance(caster, caster.vertices, normals, lighting, sky_rays)
-    return Scene(caster, normals, smoothed(sky, caster.faces), pattern, lighting, place, gloss)
+    surface = np.concatenate([normals, smoothed(sky, caster.faces)], axis=1)
+    hull = caster.vertices[ConvexHull(caster.vertices).vertices]
+    return Scene(caster, surface, hull, pattern, lighting, place, gloss)
 
 
 def photograph(scene: Scene, camera: Camera, options: ShotOptions | None = None) -> Shot:
     """One photo: rays through the full lens model, then defocus, vignetting and the sensor."""
     how = options or ShotOptions()
     rng = np.random.default_rng([how.seed, 3])
-    stone, coverage = _stone(scene, camera, how.samples, rng)
-    light = stone + (1 - coverage)[..., None] * _behind(scene, camera, how)
+    light, coverage = _stone(scene, camera, how.samples, rng)
+    light += _behind(scene, camera, how, 1 - coverage)
     if how.visitor:
         light, hidden = in_front(light, rng)
         coverage = coverage * (1 - hidden)
@@ -108,17 +116,18 @@ def _stone(
     scene: Scene, camera: Camera, samples: int, rng: np.random.Generator
 ) -> tuple[Floats, Floats]:
     """(h, w, 3) light of the piece times its coverage, and (h, w) coverage in 0..1."""
-    light = np.zeros((camera.height, camera.width, 3), np.float32)
-    coverage = np.zeros((camera.height, camera.width), np.float32)
-    window = _window(scene, camera)
-    offsets = (np.arange(samples) + 0.5) / samples
-    for dx, dy in ((float(x), float(y)) for y in offsets for x in offsets):
-        rays = lens.directions(camera.intrinsics, dx, dy)[window]
-        color, found = _seen(scene, camera, rays.reshape(-1, 3), rng)
-        hit = found.reshape(rays.shape[:2])
-        light[window][hit] += color
-        coverage[window] += hit
-    return light / samples**2, coverage / samples**2
+    size = (camera.height, camera.width)
+    light, coverage = np.zeros((*size, 3), np.float32), np.zeros(size, np.float32)
+    worth = np.flatnonzero(_worth_a_ray(scene, camera))
+    offsets = [(k + 0.5) / samples for k in range(samples)]
+    for dx, dy in ((x, y) for y in offsets for x in offsets):
+        rays = lens.directions(camera.intrinsics, dx, dy).reshape(-1, 3)
+        for part in (worth[i : i + CHUNK] for i in range(0, len(worth), CHUNK)):
+            color, found = _seen(scene, camera, rays[part], rng)
+            light.reshape(-1, 3)[part[found]] += color
+            coverage.reshape(-1)[part[found]] += 1
+    share = np.float32(1 / samples**2)
+    return light * share, coverage * share
 
 
 def _seen(
@@ -130,10 +139,11 @@ def _seen(
     hits = scene.caster.first_hits(np.broadcast_to(center, rays.shape), rays)
     seen = rays[hits.found]
     xyz = center + seen * hits.distance[:, None]
-    normals = unit(scene.caster.at(hits, scene.normals))
+    here = scene.caster.at(hits, scene.surface)
+    normals, sky = unit(here[:, :3]), here[:, 3:]
     sun = sun_irradiance(scene.caster, xyz, normals, scene.lighting, rng)[:, None]
     sun = sun * np.asarray(scene.lighting.sun, np.float32)
-    color = scene.pattern(xyz) * (sun + scene.caster.at(hits, scene.sky))
+    color = scene.pattern(xyz) * (sun + sky)
     if scene.gloss:
         color += sun * _highlight(normals, -seen, scene)[:, None]
     return color, hits.found
@@ -150,32 +160,29 @@ def _highlight(normals: Floats, to_eye: Floats, scene: Scene) -> Floats:
     return scene.gloss * 0.04 * spread / 4
 
 
-def _window(scene: Scene, camera: Camera) -> tuple[slice, slice]:
-    """Rows and columns outside of which no ray can meet the piece."""
-    low, high = scene.caster.vertices.min(0), scene.caster.vertices.max(0)
-    corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
-    xy, _ = camera.project(corners + scene.origin)
-    if not np.isfinite(xy).all():
-        return slice(0, camera.height), slice(0, camera.width)
-    size = (camera.width, camera.height)
-    margin = 0.05 * max(size)  # the lens bends the straight edges of the box
-    x0, y0 = np.clip(np.floor(xy.min(0) - margin), 0, size).astype(int)
-    x1, y1 = np.clip(np.ceil(xy.max(0) + margin), 0, size).astype(int)
-    return slice(y0, y1), slice(x0, x1)
+def _worth_a_ray(scene: Scene, camera: Camera) -> NDArray[np.bool_]:
+    """(h, w) pixels that may show the piece: the hull of its image, and a margin of 1 % of the
+    longer side, since the lens bends the hull's straight edges.
+    """
+    everything = np.ones((camera.height, camera.width), bool)
+    xy, _ = camera.project(scene.hull + scene.origin)
+    if not np.isfinite(xy).all() or np.abs(xy).max() > 1e5:
+        return everything
+    margin = 2 + round(0.01 * max(camera.width, camera.height))
+    hull = cv2.convexHull(np.round(xy).astype(np.int32))
+    inside = cv2.fillConvexPoly(everything.astype(np.uint8) * 0, hull, 1)
+    return cv2.dilate(inside, np.ones((2 * margin + 1,) * 2, np.uint8)).astype(bool)
 
 
-def _behind(scene: Scene, camera: Camera, how: ShotOptions) -> Floats:
-    """(h, w, 3) light from whatever is not the piece."""
-    rays = lens.directions(camera.intrinsics).reshape(-1, 3) @ camera.pose.R.astype(np.float32)
-    paint = {"garden": backdrop.garden, "gradient": backdrop.gradient, "wall": backdrop.wall}
-    light = paint[how.background](rays, how.seed)
-    center = (camera.center - scene.origin).astype(np.float32)
-    if how.background == "garden" and center[2] > 0:
-        down = np.flatnonzero(rays[:, 2] < -1e-3)
-        far = -center[2] / rays[down, 2]
-        ground = center + rays[down] * far[:, None]
-        ground[:, 2] = 0
-        haze = np.exp(-far / backdrop.HAZE_METRES)[:, None]
-        gravel = backdrop.court(scene.caster, ground, scene.lighting, how.seed // 1000)
-        light[down] = gravel * haze + (1 - haze) * light[down]
-    return light.reshape(camera.height, camera.width, 3)
+def _behind(scene: Scene, camera: Camera, how: ShotOptions, share: Floats) -> Floats:
+    """(h, w, 3) light from whatever is not the piece, times its (h, w) share of each pixel."""
+    free = share > 0
+    rays = lens.directions(camera.intrinsics)[free] @ camera.pose.R.astype(np.float32)
+    if how.background == "garden":
+        center = (camera.center - scene.origin).astype(np.float32)
+        light = backdrop.garden(rays, center, scene.caster, scene.lighting, how.seed)
+    else:
+        light = {"gradient": backdrop.gradient, "wall": backdrop.wall}[how.background](rays)
+    out = np.zeros((*share.shape, 3), np.float32)
+    out[free] = light * share[free][:, None]
+    return out

@@ -19,15 +19,18 @@ Field = Callable[[Points], Values]
 
 def box(xyz: Points, center: ArrayLike, half: ArrayLike, round_by: float = 0.0) -> Values:
     """A box with edges rounded by a radius."""
-    q = np.abs(xyz - np.asarray(center, np.float32)) - np.asarray(half, np.float32) + round_by
-    outside = np.sqrt((np.maximum(q, 0) ** 2).sum(1))
-    return outside + np.minimum(q.max(1), 0) - np.float32(round_by)
+    c, h = np.asarray(center, np.float32), np.asarray(half, np.float32) - np.float32(round_by)
+    x, y, z = (np.abs(xyz[:, k] - c[k]) - h[k] for k in range(3))
+    inside = np.minimum(np.maximum(np.maximum(x, y), z), 0)
+    outside = np.maximum(x, 0) ** 2 + np.maximum(y, 0) ** 2 + np.maximum(z, 0) ** 2
+    return np.sqrt(outside) + inside - np.float32(round_by)
 
 
 def sphere(xyz: Points, center: ArrayLike, radius: float) -> Values:
     """A ball."""
-    d = xyz - np.asarray(center, np.float32)
-    return np.sqrt((d * d).sum(1)) - np.float32(radius)
+    c = np.asarray(center, np.float32)
+    x, y, z = (xyz[:, k] - c[k] for k in range(3))
+    return np.sqrt(x * x + y * y + z * z) - np.float32(radius)
 
 
 def extruded(profile: Values, along: Values, half: float) -> Values:

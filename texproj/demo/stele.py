@@ -32,14 +32,17 @@ class _Plan:
     flutes: int
     twist: float
     petals: int
-    damage: tuple[tuple[float, float, float, float], ...]
+    damage: tuple[tuple[float, ...], ...]
 
 
 BODY = (0.14, 0.96)
 """Lowest and highest z of the body between plinth and cornice."""
 SPRING = 0.62
 """Height where the niche's arch begins."""
+SILL = 0.23
+"""Height of the niche's floor."""
 TOP = 1.31
+"""Height of the gable's ridge."""
 
 
 def _plan(seed: int) -> _Plan:
@@ -100,10 +103,10 @@ def _cornice(xyz: Points, plan: _Plan) -> Values:
 def _gable(x: Values, y: Values, z: Values, plan: _Plan) -> Values:
     half, rise = plan.half_width + 0.085, TOP - 1.04
     slope = np.float32(np.hypot(half, rise))
-    roof = (np.abs(x) * rise + (z - 1.04) * half - half * rise) / slope
-    triangle = np.maximum(roof, 1.035 - z)
+    roof = np.abs(x) * np.float32(rise) + (z - np.float32(1.04 + rise)) * np.float32(half)
+    triangle: Values = np.maximum(roof / slope, np.float32(1.035) - z)
     whole = extruded(triangle, y, plan.half_depth + 0.07)
-    field = extruded(triangle + 0.045, np.abs(y) - plan.half_depth - 0.075, 0.03)
+    field = extruded(triangle + np.float32(0.045), np.abs(y) - plan.half_depth - 0.075, 0.03)
     boss = turned(
         np.hypot(x, z - 1.135), -y,
         [(0, 0.075), (plan.half_depth + 0.05, 0.07), (plan.half_depth + 0.085, 0.02)],
@@ -114,30 +117,28 @@ def _gable(x: Values, y: Values, z: Values, plan: _Plan) -> Values:
     return join(join(carve(whole, field, 0.004), boss), join(knobs, crown), 0.015)
 
 
+def _arch(x: Values, z: Values, plan: _Plan) -> Values:
+    """Distance of a wall's points from the outline of the niche, negative inside of it."""
+    rounded = np.hypot(x, np.maximum(z - SPRING, 0)) - np.float32(plan.arch)
+    return np.maximum(rounded, SILL - z)
+
+
 def _niche(x: Values, y: Values, z: Values, plan: _Plan) -> Values:
-    figure = np.maximum(
-        np.where(z > SPRING, np.hypot(x, z - SPRING), np.abs(x)) - plan.arch, 0.23 - z
-    )
-    return extruded(figure.astype(np.float32), y + plan.half_depth, plan.half_depth + 0.1)
+    return extruded(_arch(x, z, plan), y + plan.half_depth, plan.half_depth + 0.1)
 
 
 def _archivolt(x: Values, y: Values, z: Values, plan: _Plan) -> Values:
-    ring = (
-        np.abs(np.where(z > SPRING, np.hypot(x, z - SPRING), np.abs(x)) - plan.arch - 0.022) - 0.02
-    )
-    ring = np.maximum(ring, 0.23 - z)
-    joints = np.abs(np.sin(np.arctan2(x, np.maximum(z - SPRING, 1e-3)) * 7.5)) < 0.09
-    return extruded(
-        ring.astype(np.float32) + np.where(joints & (z > SPRING), np.float32(0.006), 0).astype(np.float32),
-        y + plan.half_depth, 0.022,
-    )  # fmt: skip
+    ring = np.maximum(np.abs(_arch(x, z, plan) - 0.022) - 0.02, SILL - z)
+    angle = np.arctan2(x, np.maximum(z - SPRING, 1e-3))
+    joints = (np.abs(np.sin(angle * 7.5)) < 0.09) & (z > SPRING)
+    groove = joints.astype(np.float32) * np.float32(0.006)
+    return extruded(ring + groove, y + plan.half_depth, 0.022)
 
 
 def _columns(x: Values, y: Values, z: Values, plan: _Plan) -> Values:
     middle = _column(x, y + plan.half_depth - 0.055, z, plan, 0.042)
-    sides = _column(
-        np.abs(x) - plan.half_width + 0.065, y + plan.half_depth + 0.012, z, plan, 0.036
-    )
+    across = np.abs(x) - np.float32(plan.half_width - 0.065)
+    sides = _column(across, y + plan.half_depth + 0.012, z, plan, 0.036)
     return join(middle, sides)
 
 

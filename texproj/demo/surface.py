@@ -16,7 +16,7 @@ Floats = NDArray[np.float32]
 BLOCK = 8
 """Cells along a block's side: fields are evaluated only in blocks that the surface may cross."""
 
-CHUNK = 1 << 17
+CHUNK = 1 << 15
 """Points per evaluation, so that intermediate values stay in the processor's cache."""
 
 
@@ -77,5 +77,6 @@ def onto_surface(field: Field, xyz: Floats, steps: int = 2) -> Floats:
 
 
 def _gradient(field: Callable[[Floats], Floats], xyz: Floats, h: float = 5e-4) -> Floats:
-    steps = np.eye(3, dtype=np.float32) * h
-    return np.stack([field(xyz + s) - field(xyz - s) for s in steps], axis=1) / (2 * h)
+    steps = np.eye(3, dtype=np.float32) * np.float32(h)
+    columns = [(field(xyz + s) - field(xyz - s)) / np.float32(2 * h) for s in steps]
+    return np.stack(columns, axis=1)

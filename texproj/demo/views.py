@@ -44,7 +44,7 @@ class View:
 
     azimuth_deg: float
     elevation_deg: float
-    distance: float = 1.45
+    distance: float = 1.16
     ev: float = 0.0
     upright: bool = True
     visitor: bool = False
@@ -52,15 +52,15 @@ class View:
 
 
 TOUR = (
-    View(-12, 12, ev=0.1),
-    View(-48, 22, ev=-0.3),
-    View(-85, 10, ev=0.2, body=REFLEX, distance=1.7),
+    View(-12, 12, ev=0.4),
+    View(-48, 22, ev=-0.1),
+    View(-85, 10, ev=0.2, body=REFLEX),
     View(-128, 24, ev=0.9),
-    View(172, 14, ev=1.1, upright=False, distance=1.75, body=REFLEX),
+    View(172, 14, 1.55, ev=1.1, upright=False, body=REFLEX),
     View(130, 28, ev=1.2),
-    View(82, 12, ev=0.8, body=REFLEX, distance=1.7),
-    View(38, 18, ev=0.3, visitor=True),
-    View(14, 46, ev=-0.5, upright=False, distance=1.8, body=REFLEX),
+    View(82, 12, ev=0.8, body=REFLEX),
+    View(38, 18, ev=0.5, visitor=True),
+    View(14, 44, 1.5, ev=-0.2, upright=False, body=REFLEX),
 )
 """The demo's round: eight views all around and one from above."""
 
