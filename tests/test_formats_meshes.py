@@ -163,12 +163,12 @@ def test_obj_faces_out_of_range_are_left_to_the_repair(tmp_path):
 
 
 def test_an_ascii_stl(tmp_path):
-    text = "solid tetra\n"
+    text = "solid Kästchen\n"
     for face in TETRA_FACES:
         text += "facet normal 0 0 0\n outer loop\n"
         text += "".join("  vertex {} {} {}\n".format(*TETRA[v]) for v in face)
         text += " endloop\nendfacet\n"
-    (tmp_path / "t.stl").write_text(text + "endsolid tetra\n")
+    (tmp_path / "t.stl").write_text(text + "endsolid Kästchen\n", encoding="latin-1")
     vertices, faces = read_mesh(tmp_path / "t.stl")
     same_surface(vertices, faces, TETRA, TETRA_FACES)
     assert repair(vertices, faces).repairs == {"welded vertices": 8}

@@ -69,7 +69,7 @@ def _parsed(path: Path, kind: str, data: bytes) -> tuple[Vertices, Faces]:
                 return vertices, faces
             found = found or (vertices, faces)
     if found is None:
-        raise InputError(f"{path}: broken or not a {kind[1:]} file ({reason})")
+        raise InputError(f"{path}: damaged, or no {kind[1:].upper()} file ({reason})")
     return found
 
 
@@ -86,12 +86,18 @@ def _by_trimesh(path: Path, kind: str, data: bytes) -> tuple[Vertices, Faces]:
     options: dict[str, Any] = {"process": False, "file_type": kind[1:]}
     if kind == ".ply":  # else vertices are split and renumbered where texture seams run
         options |= {"fix_texture": False, "skip_materials": True}
+    if kind == ".off" or (kind == ".stl" and not _is_binary_stl(data)):
+        data = data.decode("latin-1").encode()  # names and comments of any encoding
     if kind == ".gltf":
         options["resolver"] = trimesh.resolvers.FilePathResolver(str(path))
     vertices, faces = _merged(trimesh.load_scene(io.BytesIO(data), **options))
     if kind == ".off" and (counts := _OFF_COUNTS.search(data)) and len(faces) < int(counts[1]):
         raise ValueError(f"{len(faces)} of {int(counts[1])} faces: the file was cut off")
     return vertices, faces
+
+
+def _is_binary_stl(data: bytes) -> bool:
+    return len(data) == 84 + 50 * int.from_bytes(data[80:84], "little")
 
 
 def _merged(scene: Any) -> tuple[Vertices, Faces]:
