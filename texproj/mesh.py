@@ -81,6 +81,19 @@ class TexturedMesh:
     normals: NDArray[np.float64] | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class ColoredMesh:
+    """Triangles with a color at each vertex, as written to files.
+
+    vertices: (V, 3) float64; faces: (F, 3) int32 into vertices.
+    colors: (V, 3 or 4) uint8 or uint16, sRGB-encoded.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int32]
+    colors: NDArray[np.uint8] | NDArray[np.uint16]
+
+
 def face_cross(vertices: ArrayLike, faces: ArrayLike) -> NDArray[np.float64]:
     """(F, 3) normals times twice the area of each face, counter-clockwise outside."""
     v = np.asarray(vertices, np.float64)

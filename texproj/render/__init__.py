@@ -4,6 +4,7 @@ from texproj.render.context import open_renderer
 from texproj.render.gbuffer import CHANNELS, GBuffer
 from texproj.render.interface import Renderer, Scene
 from texproj.render.lens import ideal_grid, pinhole_cover
+from texproj.render.model import render_model, shade
 from texproj.render.occlusion import Visibility, ambient_occlusion
 
 __all__ = [
@@ -16,4 +17,6 @@ __all__ = [
     "ideal_grid",
     "open_renderer",
     "pinhole_cover",
+    "render_model",
+    "shade",
 ]

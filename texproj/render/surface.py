@@ -62,6 +62,11 @@ class Surface:
         t = camera.pose.apply(self.offset[None])[0]
         return np.concatenate([camera.pose.R, t[:, None]], axis=1)
 
+    def rays(self, camera: Camera, ideal: Floats) -> Floats:
+        """(n, 3) directions, world axes, of rays through `ideal` (n, 2); lengths count depth."""
+        R = camera.pose.R.astype(np.float32)
+        return ideal @ R[:2] + R[2]
+
     def depth_range(self, camera: Camera) -> tuple[float, float]:
         """Near and far depth between which the mesh is drawn, mesh units."""
         row = self.cam_from_local(camera)[2]
@@ -85,6 +90,29 @@ class Hits:
     v: Floats
 
 
+def hits_on_faces(surface: Surface, camera: Camera, ideal: Floats, face: NDArray[np.int32]) -> Hits:
+    """Where the rays through `ideal` (n, 2) normalized coordinates meet the faces drawn there.
+
+    A ray that rounding led just past its face meets the nearest end of it in barycentric
+    coordinates. Moeller and Trumbore 1997, in camera axes.
+    """
+    matrix = surface.cam_from_local(camera).astype(np.float32)
+    xyz_in_cam = surface.xyz_in_local @ matrix[:, :3].T + matrix[:, 3]
+    seen = np.flatnonzero(face >= 0)
+    a, b, c = (xyz_in_cam[surface.mesh.faces[face[seen], i]] for i in range(3))
+    ray = np.concatenate([ideal[seen], np.ones((len(seen), 1), np.float32)], axis=1)
+    p: Floats = np.cross(ray, c - a)
+    det = np.einsum("ij,ij->i", b - a, p)
+    det = np.where(det == 0, np.float32(np.inf), det)
+    u = np.einsum("ij,ij->i", -a, p) / det
+    v = np.einsum("ij,ij->i", ray, np.cross(-a, b - a)) / det
+    w, u, v = (np.maximum(x, 0) for x in (1 - u - v, u, v))
+    u, v = u / (u + v + w), v / (u + v + w)
+    out = np.full((3, len(face)), np.inf, np.float32)
+    out[:, seen] = (1 - u - v) * a[:, 2] + u * b[:, 2] + v * c[:, 2], u, v
+    return Hits(face, *out)
+
+
 def images_of_hits(
     surface: Surface, camera: Camera, hits: Hits, channels: tuple[str, ...]
 ) -> dict[str, NDArray[Any]]:
@@ -94,13 +122,13 @@ def images_of_hits(
         "depth": lambda: np.where(empty, np.float32(np.inf), hits.depth),
         "face": lambda: hits.face,
         "front": lambda: ~empty & _front(surface, camera, hits.face),
-        "ao": lambda: _blend(surface, hits, surface.occlusion[:, None])[:, 0],  # type: ignore[index]
+        "ao": lambda: values_at_hits(surface, hits, surface.occlusion[:, None])[:, 0],  # type: ignore[index]
         "normal": lambda: _normals(surface, camera, hits),
     }
     return {name: makers[name]() for name in channels}
 
 
-def _blend(surface: Surface, hits: Hits, values: Floats) -> Floats:
+def values_at_hits(surface: Surface, hits: Hits, values: Floats) -> Floats:
     """(n, c) values (V, c) of the vertices interpolated at the hits; zero where nothing is hit."""
     out = np.zeros((len(hits.face), values.shape[1]), np.float32)
     seen = np.flatnonzero(hits.face >= 0)
@@ -112,7 +140,9 @@ def _blend(surface: Surface, hits: Hits, values: Floats) -> Floats:
 
 
 def _normals(surface: Surface, camera: Camera, hits: Hits) -> Floats:
-    normals = _blend(surface, hits, surface.normal_in_world @ camera.pose.R.T.astype(np.float32))
+    normals = values_at_hits(
+        surface, hits, surface.normal_in_world @ camera.pose.R.T.astype(np.float32)
+    )
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
 
