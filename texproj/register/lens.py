@@ -14,10 +14,10 @@ from texproj.solve.reprojection import Prior, intrinsic_value
 
 Trust = Literal["known", "approximate", "unknown"]
 
-FOCAL_SIGMA: dict[Trust, float] = {"known": 0.35, "approximate": 0.05, "unknown": 0.6}
-"""Standard deviation of log f. approximate: EXIF rounds to whole millimeters, and focusing close
-lengthens the lens by a few percent; unknown: 24 to 200 mm equivalent lie within 1.5 of them;
-known: if the picks say that it is wrong after all."""
+FOCAL_SIGMA: dict[Trust, float] = {"known": 0.6, "approximate": 0.05, "unknown": 0.6}
+"""Standard deviation of log f where it is solved. approximate: EXIF rounds to whole millimeters,
+and focusing close lengthens the lens by a few percent; unknown: 24 to 200 mm equivalent lie
+within 1.5 of them; known: solved only because it was asked for or contradicted."""
 
 CENTER_SIGMA = 0.015
 """Standard deviation of an uncalibrated principal point, as a part of the longer side."""
@@ -32,7 +32,7 @@ DEFAULT_FOCAL = 1.1
 FOCAL_RANGE = (0.35, 10.0)
 """Focal lengths over the longer side that a search covers: 13 to 360 mm equivalent."""
 
-FOCAL_RATIO = 1.2
+FOCAL_RATIO = 1.25
 """Step of that search."""
 
 GROUPS = {
@@ -59,6 +59,18 @@ class Lens:
     def freed(self, *names: str) -> Lens:
         """The same with these intrinsics solved too."""
         return replace(self, free=tuple(dict.fromkeys((*self.free, *names))))
+
+    def looser(self) -> list[Lens]:
+        """Models to try when picks contradict this one: the focal length unknown; distortion and
+        principal point too."""
+        priors = tuple(
+            replace(p, sigma=FOCAL_SIGMA["unknown"]) if p.name == "focal" else p
+            for p in self.priors
+        )
+        open_focal = replace(self, priors=priors, trust="unknown").freed("focal")
+        bent = open_focal.freed("k1")
+        models = [open_focal, bent, bent.freed("cx", "cy")]
+        return [m for i, m in enumerate(models) if m.free not in [n.free for n in models[:i]]]
 
     def focal_candidates(self) -> list[Intrinsics]:
         """Lenses from which to search: one if the focal length is not solved."""
@@ -89,7 +101,7 @@ def lens_guess(info: PhotoInfo, prior: Intrinsics | None, options: PointsOptions
         f = info.focal_px or DEFAULT_FOCAL * side
         k = Intrinsics(info.width, info.height, f, f, info.width / 2, info.height / 2)
         trust = "approximate" if info.focal_px else "unknown"
-    checked = options.focal == "auto" and trust == "known" and options.solve == ("auto",)
+    checked = options.focal == "auto" and trust != "unknown" and options.solve == ("auto",)
     if options.focal != "auto":
         trust = options.focal
     return Lens(

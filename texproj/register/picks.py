@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from texproj.errors import RegistrationError
 from texproj.photo import Correspondences, PhotoInfo
-from texproj.register.lens import Lens
+from texproj.register.search import Candidate
 from texproj.solve.robust import Estimate
 
 Array = NDArray[np.float64]
@@ -26,6 +26,9 @@ PLANE = 0.01
 
 PLANAR_FOCAL_SIGMA = 0.03
 """A plane seen at a slant does give the focal length; less sure than this, it does not."""
+
+RIVAL = 9.2
+"""A second camera whose description is longer by less may be the true one: odds of 100 to 1."""
 
 SMALL = 0.05
 """Picks are all in one place if their extent is below this part of the picture's diagonal."""
@@ -58,13 +61,14 @@ def refuse_unusable(info: PhotoInfo, picks: Correspondences) -> None:
     _refuse_extent(info, picks, np.ones(n, bool))
 
 
-def refuse_shape(info: PhotoInfo, picks: Correspondences, estimate: Estimate, lens: Lens) -> None:
+def refuse_shape(info: PhotoInfo, picks: Correspondences, best: Candidate) -> None:
     """Raise RegistrationError if the inliers alone are degenerate, or do not give the focal."""
+    estimate, free = best.estimate, best.lens.free
     _refuse_extent(info, picks, estimate.inliers)
     extent = _extents(picks.xyz_in_world[estimate.inliers])
     flat = extent[2] < PLANE * extent[0]
-    if flat and "focal" in lens.free:
-        sigma = estimate.sigma_of(lens.free, "focal")
+    if flat and "focal" in free:
+        sigma = estimate.sigma_of(free, "focal")
         if sigma > PLANAR_FOCAL_SIGMA:
             raise RegistrationError(
                 f"{info.name}: the {int(estimate.inliers.sum())} picks that fit lie in one plane, "
@@ -73,15 +77,14 @@ def refuse_shape(info: PhotoInfo, picks: Correspondences, estimate: Estimate, le
             )
 
 
-def refuse_too_few(
-    info: PhotoInfo, picks: Correspondences, estimate: Estimate, parameters: int
-) -> None:
+def refuse_too_few(info: PhotoInfo, picks: Correspondences, best: Candidate) -> None:
     """Raise RegistrationError if chance could make as many picks agree as well."""
+    estimate = best.estimate
     k = int(estimate.inliers.sum())
     farthest = float(estimate.distance_px[estimate.inliers].max())
     reach = max(farthest, 2 * estimate.sigma_px)
     chance = log(min(1.0, pi * reach**2 / (info.width * info.height)))
-    sample = 3 + 0.5 * (parameters - 6)
+    sample = 3 + 0.5 * len(best.lens.free)
     alarms = _log_comb(len(picks), k) + _log_comb(k, 3) + log(4) + chance * (k - sample)
     if k < 4 or alarms > log(FALSE_ALARMS):
         raise RegistrationError(
@@ -89,6 +92,21 @@ def refuse_too_few(
             f"could do as well; check the picks ({_named(picks, ~estimate.inliers)} fit worst) "
             f"and add more"
         )
+
+
+def refuse_rival(info: PhotoInfo, candidates: list[Candidate], points: Array, limit: float) -> None:
+    """Raise RegistrationError if another camera, which puts the surface elsewhere, is not
+    clearly worse."""
+    best = candidates[0].estimate
+    for rival in candidates[1:]:
+        if rival.length - candidates[0].length > RIVAL:
+            break
+        apart = rival.estimate.camera.project(points)[0] - best.camera.project(points)[0]
+        if not np.sqrt((apart**2).sum(axis=1).mean()) <= limit:
+            raise RegistrationError(
+                f"{info.name}: two different cameras fit the picks equally well; add picks that "
+                f"stand out in depth from the others, and some {emptiest(info, best)}"
+            )
 
 
 def refuse_uncertain(info: PhotoInfo, estimate: Estimate, error: float, limit: float) -> None:

@@ -2,33 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.camera import Camera, Intrinsics, Pose
+from texproj.camera import Intrinsics, Pose
 from texproj.errors import RegistrationError
 from texproj.options import PointsOptions
 from texproj.photo import Correspondences, PhotoInfo
 from texproj.records import Fit
 from texproj.register import picks as check
+from texproj.register.doubt import expected_error_px, surface_points
 from texproj.register.lens import Lens, lens_guess
-from texproj.solve.pnp import MsacOptions, sampled_poses
-from texproj.solve.reprojection import Reprojection, projection_jacobian
-from texproj.solve.robust import Estimate, Noise, robust_estimate
+from texproj.register.search import Candidate, Search
 
 Array = NDArray[np.float64]
 
 DEFAULTS = PointsOptions()
 
-GROSS = 0.015
-"""A pick further off than this part of the longer side is never near in the first round."""
+OVERRULE = 14.0
+"""Drop of the description length at which picks overrule what was said of the lens: odds of
+1000 to 1."""
 
-OVERRULE = 20.0
-"""Drop of the description length, twice the log of the odds, at which picks overrule a focal
-length that is called known."""
+SUSPICIOUS = 1.5
+"""Noise above this multiple of the usual one makes the search start again without the focal."""
 
 
 def register_points(
@@ -44,142 +42,79 @@ def register_points(
     prior: intrinsics of cameras.json, trusted unless `options.focal` says otherwise or the picks
     contradict them; without it the focal length of EXIF, else a usual one, is the first guess.
     start: a pose to try besides those found from the picks.
-    surface: (m, 3) world points (some hundred vertices) over whose image, where it falls inside
+    surface: (m, 3) world points, e.g. the mesh's vertices, over whose image, where it falls inside
     the picture, the expected error is averaged; without it, the box that the picks span in the
     picture and in depth, a quarter larger on each side.
 
     Raises RegistrationError with one sentence that says which points to add.
     """
     check.refuse_unusable(info, picks)
-    task = _Task(info, picks, options, start)
+    search = Search(info, picks, options, start)
     lens = lens_guess(info, prior, options)
-    found = task.solve(lens)
-    note = ""
+    candidates = search.candidates(lens)
     if lens.checked:
-        free = task.solve(lens.freed("focal"))
-        if free.estimate.length + OVERRULE < found.estimate.length:
-            f = free.estimate.camera.intrinsics.fx
-            note = (
-                f"the given focal length of {lens.intrinsics.fx:.0f} px contradicts the picks "
-                f"and was solved: {f:.0f} px"
-            )
-            found = free
-    check.refuse_too_few(info, picks, found.estimate, 6 + len(found.lens.free))
-    check.refuse_shape(info, picks, found.estimate, found.lens)
-    error = expected_error_px(found.estimate, found.lens.free, surface)
-    limit = options.max_error_percent / 100 * max(info.width, info.height)
-    check.refuse_uncertain(info, found.estimate, error, limit)
-    return _fit(picks, found, error, note)
+        candidates = _overruled(search, lens, candidates)
+    if not candidates:
+        raise RegistrationError(check.nothing_fits(info, picks))
+    return _judged(search, lens, candidates, surface)
 
 
-@dataclass(frozen=True, eq=False)
-class _Found:
-    lens: Lens
-    estimate: Estimate
-
-
-@dataclass(frozen=True, eq=False)
-class _Task:
-    """One photo's picks and how to search."""
-
-    info: PhotoInfo
-    picks: Correspondences
-    options: PointsOptions
-    start: Pose | None
-
-    @property
-    def noise(self) -> Noise:
-        side = max(self.info.width, self.info.height)
-        nominal = self.options.pick_sigma_percent / 100 * side
-        return Noise(nominal, GROSS * side, self.info.width * self.info.height)
-
-    def solve(self, lens: Lens) -> _Found:
-        """The best estimate over all starts; raises RegistrationError if there is none."""
-        problem = Reprojection(
-            self.picks.xy_px, self.picks.xyz_in_world, 1.0, lens.free, lens.priors
-        )
-        estimates = [robust_estimate(problem, camera, self.noise) for camera in self.starts(lens)]
-        sound = [e for e in estimates if e is not None and np.isfinite(e.covariance).all()]
-        if not sound:
-            raise RegistrationError(check.nothing_fits(self.info, self.picks))
-        return _Found(lens, min(sound, key=lambda e: e.length))
-
-    def starts(self, lens: Lens) -> list[Camera]:
-        lenses = lens.focal_candidates()
-        options = MsacOptions(
-            self.noise.gross_px, 600 if len(lenses) == 1 else 200, seed=self.options.seed
-        )
-        cameras = [
-            Camera(k, pose)
-            for k in lenses
-            for pose in sampled_poses(self.picks.xy_px, self.picks.xyz_in_world, k, options)[:3]
-        ]
-        if self.start is not None:
-            cameras.append(Camera(lens.intrinsics, self.start))
-        return cameras
-
-
-def expected_error_px(estimate: Estimate, free: tuple[str, ...], surface: Array | None) -> float:
-    """Root mean square length of the image displacement that the covariance predicts over the
-    surface (see `register_points`), pixels.
-
-    With noise estimated from few residuals the prediction follows Student's t: its variance
-    grows by freedom / (freedom - 2).
+def _overruled(search: Search, lens: Lens, found: list[Candidate]) -> list[Candidate]:
+    """The candidates under the first looser model of the lens that explains the picks far better,
+    or `found` if none does.
     """
-    variance = predicted_variance(estimate, free, surface)[1]
-    student = estimate.freedom / max(estimate.freedom - 2, 0.5)
-    return float(np.sqrt(variance.mean() * student))
+    best = found[0].estimate if found else None
+    starts = [c.estimate.camera for c in found]
+    limit = SUSPICIOUS * search.noise.nominal_px
+    if best is None or not best.inliers.all() or best.sigma_px > limit:
+        starts += [c.estimate.camera for c in search.candidates(lens.looser()[0])]
+    for model in lens.looser():
+        others = search.worked_out(model, starts)
+        if others and (not found or others[0].length + OVERRULE < found[0].length):
+            found = others
+    return found
 
 
-def predicted_variance(
-    estimate: Estimate, free: tuple[str, ...], surface: Array | None
-) -> tuple[Array, Array]:
-    """((m, 2) pixels, (m,) variance of the displacement's length there, px^2)."""
-    camera = estimate.camera
-    points = surface
-    if points is not None:
-        xy = camera.project(points)[0]
-        points = points[camera.inside(xy)]
-    if points is None or not len(points):
-        points = _picked_box(estimate)
-    jacobian = projection_jacobian(camera, points, free)
-    variance = np.einsum("nij,jk,nik->n", jacobian, estimate.covariance, jacobian)
-    return camera.project(points)[0], variance
+def _judged(search: Search, lens: Lens, candidates: list[Candidate], surface: Array | None) -> Fit:
+    """The best candidate as a Fit, if nothing speaks against it."""
+    info, picks, best = search.info, search.picks, candidates[0]
+    points = surface_points(best.estimate, surface)
+    error = expected_error_px(best.estimate, best.lens.free, points)
+    limit = search.options.max_error_percent / 100 * search.side
+    check.refuse_too_few(info, picks, best)
+    check.refuse_shape(info, picks, best)
+    check.refuse_rival(info, candidates, points, limit)
+    check.refuse_uncertain(info, best.estimate, error, limit)
+    return _fit(picks, best, error, _lens_note(lens, best))
 
 
-def _picked_box(estimate: Estimate) -> Array:
-    """(75, 3) points: a grid over the inliers' rectangle in the picture, at three depths."""
-    camera = estimate.camera
-    xyz = estimate.fit_points
-    xy, depth = camera.project(xyz)
-    low, high = xy.min(axis=0), xy.max(axis=0)
-    grow = 0.25 * (high - low)
-    low = np.maximum(low - grow, 0)
-    high = np.minimum(high + grow, (camera.width, camera.height))
-    u, v, z = np.meshgrid(
-        np.linspace(low[0], high[0], 5), np.linspace(low[1], high[1], 5),
-        [depth.min(), np.median(depth), depth.max()],
-    )  # fmt: skip
-    points = camera.unproject(np.stack([u.ravel(), v.ravel()], axis=1), z.ravel())
-    return points[np.isfinite(points).all(axis=1)]
+def _lens_note(given: Lens, best: Candidate) -> str:
+    """What to tell about a lens that was not believed."""
+    if best.lens.free == given.free and best.lens.trust == given.trust:
+        return ""
+    before, after = given.intrinsics.fx, best.estimate.camera.intrinsics.fx
+    return (
+        f"the picks contradict the given lens (focal length {before:.0f} px), which was solved: "
+        f"{after:.0f} px"
+    )
 
 
-def _fit(picks: Correspondences, found: _Found, error: float, note: str) -> Fit:
-    e = found.estimate
+def _fit(picks: Correspondences, best: Candidate, error: float, note: str) -> Fit:
+    e, free = best.estimate, best.lens.free
     outliers = [name for name, good in zip(picks.names, e.inliers, strict=True) if not good]
     reasons = [note] if note else []
     if outliers:
         reasons.append(f"picks that do not fit and were left out: {', '.join(outliers)}")
     quality: dict[str, Any] = {
         "picks": len(picks), "inliers": int(e.inliers.sum()), "outliers": outliers,
-        "pick_sigma_px": e.sigma_px, "solved": list(found.lens.free),
+        "pick_sigma_px": e.sigma_px, "solved": list(free),
         "focal_px": e.camera.intrinsics.fx, "iterations": e.fit.iterations,
         "initial_cost": e.fit.initial_cost, "cost": e.fit.cost, "stop": e.fit.stop,
     }  # fmt: skip
-    if "focal" in found.lens.free:
-        quality["focal_sigma_percent"] = 100 * e.sigma_of(found.lens.free, "focal")
+    if "focal" in free:
+        quality["focal_sigma_percent"] = 100 * e.sigma_of(free, "focal")
     return Fit(
         e.camera, "points", error, e.distance_px, e.inliers, e.covariance,
-        ("rotation", "translation", *found.lens.free), picks.names,
+        ("rotation", "translation", *free), picks.names,
         reason="; ".join(reasons), quality=quality,
     )  # fmt: skip

@@ -16,14 +16,20 @@ from scipy.sparse.linalg import splu
 
 Array = NDArray[np.float64]
 X = TypeVar("X")
-Stop = Literal["gradient", "step", "cost", "stuck", "iterations"]
+FAR = 1e6
+"""Length, in standard deviations, of a residual row that cannot be computed."""
+
+LEAST_DAMPING, MOST_DAMPING = 1e-12, 1e16
+"""Below the first the Hessian may be singular; above the second a step is below rounding."""
+
+Stop = Literal["gradient", "cost", "stuck", "iterations"]
 
 
 class Problem(Protocol[X]):
     """What the solver asks of a problem; residuals are divided by their standard deviation."""
 
     def residual(self, x: X) -> Array:
-        """(n, d) residual rows; a row that cannot be computed is NaN."""
+        """(n, d) residual rows; NaN where it cannot be computed, which counts as `FAR` off."""
 
     def jacobian(self, x: X) -> Any:
         """(n, d, p) float64 derivative of the residual by `step`'s delta, or a
@@ -32,7 +38,7 @@ class Problem(Protocol[X]):
     def step(self, x: X, delta: Array) -> X:
         """A new x, moved by `delta` (p,)."""
 
-    def prior(self, x: X) -> tuple[Array, Array]:
+    def prior(self, x: X) -> tuple[Array, Any]:
         """((q,) residuals, (q, p) jacobian) of what is known beforehand; never reweighted."""
 
 
@@ -78,11 +84,12 @@ class Loss:
 
 @dataclass(frozen=True)
 class LmOptions:
-    """When to stop. Tolerances are relative to the cost; damping is relative to the diagonal."""
+    """When to stop: after so many steps, or when a step would gain or gained less than
+    `cost_tolerance`, as a part of the cost. damping: the first, relative to the Hessian's diagonal.
+    """
 
     max_iterations: int = 100
     cost_tolerance: float = 1e-12
-    step_tolerance: float = 1e-12
     damping: float = 1e-3
 
 
@@ -128,35 +135,25 @@ def minimize(
     """
     here = _Linearized.at(problem, start, loss)
     initial_cost, damping, growth = here.cost, options.damping, 2.0
-    stop: Stop = "iterations"
-    iterations = 0
-    while iterations < options.max_iterations:
-        iterations += 1
+    for iteration in range(1, options.max_iterations + 1):
         delta = here.damped_step(damping)
-        if not np.isfinite(delta).all():
-            damping, growth = damping * growth, growth * 2
-            continue
-        trial = problem.step(here.x, delta)
-        cost = _cost(problem, trial, loss)
         predicted = here.predicted_gain(delta)
         if predicted <= options.cost_tolerance * here.cost:
-            stop = "gradient"
-            break
-        if not cost < here.cost:
+            return here.fit(initial_cost, iteration, "gradient", loss)
+        trial = problem.step(here.x, delta)
+        gained = here.cost - _cost(problem, trial, loss)
+        if not gained > 0:
             damping, growth = damping * growth, growth * 2
-            if damping > 1e16:
-                stop = "stuck"
-                break
+            if damping > MOST_DAMPING:
+                return here.fit(initial_cost, iteration, "stuck", loss)
             continue
-        gain = (here.cost - cost) / predicted
-        small = here.cost - cost <= options.cost_tolerance * here.cost
+        converged = gained <= options.cost_tolerance * here.cost
         here = _Linearized.at(problem, trial, loss)
-        damping = max(damping * max(1 / 3, 1 - (2 * gain - 1) ** 3), 1e-15)
+        if converged:
+            return here.fit(initial_cost, iteration, "cost", loss)
+        damping = max(damping * max(1 / 3, 1 - (2 * gained / predicted - 1) ** 3), LEAST_DAMPING)
         growth = 2.0
-        if small:
-            stop = "cost"
-            break
-    return here.fit(initial_cost, iterations, stop, loss)
+    return here.fit(initial_cost, options.max_iterations, "iterations", loss)
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,8 +172,8 @@ class _Linearized(Generic[X]):
     def at(cls, problem: Problem[X], x: X, loss: Loss) -> _Linearized[X]:
         residual = problem.residual(x)
         s = _squared_length(residual)
-        known = np.isfinite(s)
-        weights = np.where(known, loss.weight(np.where(known, s, 0)), 0)
+        known = s < FAR**2
+        weights = np.where(known, loss.weight(s), 0)
         clean = np.where(known[:, None], residual, 0)
         jacobian = problem.jacobian(x)
         if not _is_sparse(jacobian):
@@ -199,10 +196,7 @@ class _Linearized(Generic[X]):
             return splu(sparse.csc_matrix(hessian)).solve(-self.gradient)
         scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
         scaled = hessian / np.outer(scale, scale) + damping * np.eye(len(scale))
-        try:
-            return np.linalg.solve(scaled, -self.gradient / scale) / scale
-        except np.linalg.LinAlgError:
-            return np.full_like(scale, np.nan)
+        return np.linalg.solve(scaled, -self.gradient / scale) / scale
 
     def predicted_gain(self, delta: Array) -> float:
         hessian = self.data_hessian + self.prior_hessian
@@ -210,7 +204,6 @@ class _Linearized(Generic[X]):
 
     def fit(self, initial_cost: float, iterations: int, stop: Stop, loss: Loss) -> LmFit[X]:
         s, d = _squared_length(self.residual), self.residual.shape[1]
-        s = s[np.isfinite(s)]
         freedom = max(self.residual.size - len(self.gradient), 1)
         psi2 = float((loss.weight(s) ** 2 * s).sum()) / freedom
         slope = float((loss.weight(s) + 2 / d * loss.curvature(s)).sum()) / len(self.residual)
@@ -227,7 +220,7 @@ def _is_sparse(matrix: Any) -> bool:
 
 def _squared_length(residual: Array) -> Array:
     s = (residual**2).sum(axis=1)
-    return np.where(np.isfinite(s), s, np.inf)
+    return np.minimum(np.where(np.isfinite(s), s, np.inf), FAR**2)
 
 
 def _cost(problem: Problem[X], x: X, loss: Loss) -> float:

@@ -117,7 +117,13 @@ def triples(indices: NDArray[np.int64], most: int, rng: np.random.Generator) -> 
     if comb(n, 3) <= most:
         every = np.array(list(combinations(range(n), 3)))
         return indices[rng.permutation(every)]
-    return indices[np.stack([rng.choice(n, 3, replace=False) for _ in range(most)])]
+    drawn = rng.integers(0, [n, n - 1, n - 2], (most, 3))
+    first, second, third = drawn.T
+    second = second + (second >= first)
+    low, high = np.minimum(first, second), np.maximum(first, second)
+    third = third + (third >= low)
+    third = third + (third >= high)
+    return indices[np.stack([first, second, third], axis=1)]
 
 
 def polish(xy_px: Array, xyz_in_world: Array, camera: Camera, threshold_px: float) -> PnpFit:

@@ -69,7 +69,9 @@ class Estimate:
 
 
 def robust_estimate(problem: Reprojection, start: Camera, noise: Noise) -> Estimate | None:
-    """The estimate that `start` leads to; None if fewer than four pairs support it."""
+    """The estimate that `start` leads to; None if fewer than four pairs, or a degenerate set,
+    support it.
+    """
     start = _annealed(problem, start, noise)
     distance = _distance(problem, start)
     near = distance < noise.gross_px
@@ -80,9 +82,11 @@ def robust_estimate(problem: Reprojection, start: Camera, noise: Noise) -> Estim
     estimate = _fitted(problem, start, inliers, noise)
     seen = {inliers.tobytes()}
     for _ in range(ROUNDS):
+        if not np.isfinite(estimate.length):
+            return None
         inliers = deviation2(problem, estimate) < INLIER_LIMIT
         if inliers.sum() < 4 or inliers.tobytes() in seen:
-            break
+            return estimate
         seen.add(inliers.tobytes())
         estimate = _fitted(problem, estimate.camera, inliers, noise)
     return estimate
@@ -114,7 +118,7 @@ def _annealed(problem: Reprojection, camera: Camera, noise: Noise) -> Camera:
             problem, xy_px=problem.xy_px[near], xyz_in_world=problem.xyz_in_world[near],
             sigma_px=scale,
         )  # fmt: skip
-        camera = minimize(local, camera, Loss("cauchy", 1.0), LmOptions(40, 1e-7)).x
+        camera = minimize(local, camera, Loss("cauchy", 1.0), LmOptions(25, 1e-5)).x
     return camera
 
 
@@ -135,7 +139,7 @@ def _fitted(
     offset = problem.residual(camera) * problem.sigma_px
     freedom = _freedom(fit) + NOISE_FREEDOM
     covariance = fit.covariance(scatter2=(sigma / before) ** 2)
-    length = _length(offset, inliers, sigma, noise) + _prior_length(problem, camera)
+    length = _length(offset, inliers, sigma, noise) + _prior_length(problem, camera, covariance)
     return Estimate(
         camera, inliers, offset, sigma, freedom, covariance, length, fit, chosen.xyz_in_world
     )
@@ -163,9 +167,16 @@ def _length(offset: Array, inliers: NDArray[np.bool_], sigma: float, noise: Nois
     return float(gaussian + nominal + (len(inliers) - k) * 2 * np.log(noise.picture_px2))
 
 
-def _prior_length(problem: Reprojection, camera: Camera) -> float:
+def _prior_length(problem: Reprojection, camera: Camera, covariance: Array) -> float:
+    """-2 log of prior density times posterior volume: what freeing intrinsics costs (Laplace's
+    approximation of the evidence; MacKay, "Bayesian interpolation", 1992).
+    """
     residual = problem.prior(camera)[0]
-    return float(residual @ residual)
+    if not np.isfinite(covariance).all():
+        return float("inf")
+    sigmas = [p.sigma for p in problem.priors if p.name in problem.free]
+    volume = np.linalg.slogdet(covariance[6:, 6:])[1] if problem.free else 0.0
+    return float(residual @ residual + 2 * np.log(sigmas).sum() - volume)
 
 
 def _distance(problem: Reprojection, camera: Camera) -> Array:
