@@ -26,7 +26,7 @@ def read_correspondences(path: Path) -> Correspondences:
         raise InputError(f"{path}: not a text file in UTF-8") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if _content(line)]
+    lines = [(i, line) for i, line in enumerate(text.split("\n"), 1) if _content(line)]
     if not lines:
         raise InputError(f"{path}: empty; its first line must be {','.join(COLUMNS)}[,name]")
     rows = list(csv.reader((line for _, line in lines), skipinitialspace=True))
@@ -42,8 +42,12 @@ def correspondences_csv(picks: Correspondences) -> str:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([*COLUMNS, "name"])
     for uv, xyz, name in zip(picks.xy_px, picks.xyz_in_world, picks.names, strict=True):
-        writer.writerow([*(repr(float(value)) for value in (*uv, *xyz)), name])
+        writer.writerow([*(repr(float(value)) for value in (*uv, *xyz)), _one_line(name)])
     return text.getvalue()
+
+
+def _one_line(name: str) -> str:
+    return name.replace("\r", " ").replace("\n", " ")
 
 
 def _content(line: str) -> bool:
