@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from texproj.demo.noise import noise
 
@@ -38,15 +39,16 @@ def painted(seed: int = 0) -> Pattern:
 
 def with_dots(base: Pattern, centers: Floats, radius: float, albedo: float = 1.0) -> Pattern:
     """`base` with a soft round dot around each of the (k, 3) centers: a Gaussian of deviation
-    `radius`, so that the dot's centroid in a picture is the center's image.
+    `radius`, so that the dot's centroid in a picture is the center's image. Centers are farther
+    apart than ten times that.
     """
+    tree = cKDTree(centers)
 
     def dotted(xyz: Floats) -> Floats:
         color = base(xyz)
-        for center in np.asarray(centers, np.float32):
-            squared = ((xyz - center) ** 2).sum(1, keepdims=True)
-            color = color + (albedo - color) * np.exp(squared / np.float32(-2 * radius**2))
-        return color
+        distance = np.asarray(tree.query(xyz, distance_upper_bound=5 * radius)[0])[:, None]
+        share = np.exp(distance**2 / (-2 * radius**2)).astype(np.float32)
+        return color + (np.float32(albedo) - color) * share
 
     return dotted
 

@@ -106,7 +106,8 @@ def _gable(x: Values, y: Values, z: Values, plan: _Plan) -> Values:
     roof = np.abs(x) * np.float32(rise) + (z - np.float32(1.04 + rise)) * np.float32(half)
     triangle: Values = np.maximum(roof / slope, np.float32(1.035) - z)
     whole = extruded(triangle, y, plan.half_depth + 0.07)
-    field = extruded(triangle + np.float32(0.045), np.abs(y) - plan.half_depth - 0.075, 0.03)
+    beyond: Values = np.abs(y) - np.float32(plan.half_depth + 0.075)
+    field = extruded(triangle + np.float32(0.045), beyond, 0.03)
     boss = turned(
         np.hypot(x, z - 1.135), -y,
         [(0, 0.075), (plan.half_depth + 0.05, 0.07), (plan.half_depth + 0.085, 0.02)],
