@@ -32,13 +32,13 @@ class Tessellation:
     it alike, so that no crack opens.
 
     xyz: (W, 3) float32, the surface's vertices first; faces: (G, 3) int32;
-    face_of: (G,) int32 face of the surface that each came from, or None where nothing was split;
+    face_of: (G,) int32 face of the surface that each is or is a part of;
     rounds: of each round of splitting the pairs (m, 2) of vertices that the new ones lie between.
     """
 
     xyz: Floats
     faces: Integers
-    face_of: Integers | None = None
+    face_of: Integers
     rounds: tuple[Integers, ...] = ()
 
     @cached_property
@@ -104,13 +104,12 @@ def _split(mesh: Tessellation, long: NDArray[np.bool_]) -> Tessellation:
     pairs, number = np.unique(_edges(mesh.faces)[long], axis=0, return_inverse=True)
     middle = np.full(long.shape, -1, np.int32)
     middle[long] = number.ravel() + len(mesh.xyz)
-    face_of = np.arange(len(long), dtype=np.int32) if mesh.face_of is None else mesh.face_of
     kept = ~long.any(axis=1)
-    faces, sources = [mesh.faces[kept]], [face_of[kept]]
+    faces, sources = [mesh.faces[kept]], [mesh.face_of[kept]]
     for corners, middles, source in _rotated(mesh.faces, middle, long):
         new = _pieces(corners, middles)
         faces.extend(new)
-        sources.extend([face_of[source]] * len(new))
+        sources.extend([mesh.face_of[source]] * len(new))
     xyz = np.concatenate([mesh.xyz, (mesh.xyz[pairs[:, 0]] + mesh.xyz[pairs[:, 1]]) / 2])
     return Tessellation(xyz, np.concatenate(faces), np.concatenate(sources), (*mesh.rounds, pairs))
 
