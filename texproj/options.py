@@ -67,6 +67,22 @@ class ColorOptions:
     mask_feather: Annotated[float, Field(ge=0, le=1)] = 0.003
     """Width of the ramp beside a mask, as a part of the photo's diagonal."""
 
+    gains: bool = True
+    """Correct each photo's exposure and white balance by what the others show there."""
+
+    robust_scale: Positive = 0.1
+    """Difference from the other photos (square root of linear light, 1 = white) at which a sample
+    counts half."""
+
+    robust_rounds: Annotated[int, Field(ge=0, le=50)] = 4
+    """Rounds of reweighting against samples that disagree; 0 = plain weighted mean."""
+
+    texels_per_pixel: Annotated[float, Field(gt=0, le=4)] = 1.0
+    """Texels along a line per pixel of the photo that shows the surface best."""
+
+    bits: Literal[8, 16] = 8
+    """Bits per channel of the texture."""
+
 
 @dataclass(frozen=True, config=STRICT)
 class UnwrapOptions:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fnmatch import fnmatch
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 from cyclopts import App, Parameter
 
@@ -27,10 +27,18 @@ Verbose = Annotated[
     bool, Parameter(name=["--verbose", "-v"], negative="", help="Tell what happens inside.")
 ]
 
-RegisterFlags = flags_for(("register", "render"), ("points", "structure"))
-ColorFlags = flags_for(("color", "render"), ("unwrap",))
-RunFlags = flags_for(("render",), ("register", "points", "structure", "color", "unwrap"))
-RenderFlags = flags_for(("render",))
+if TYPE_CHECKING:
+    RegisterFlags: TypeAlias = Any
+    ColorFlags: TypeAlias = Any
+    RunFlags: TypeAlias = Any
+    RenderFlags: TypeAlias = Any
+else:  # classes made from the options when the program starts
+    RegisterFlags = flags_for(("register", "render"), ("points", "structure"))
+    ColorFlags = flags_for(("color", "render"), ("unwrap",))
+    RunFlags = flags_for(
+        ("render",), ("register", "points", "structure", "refine", "color", "unwrap")
+    )
+    RenderFlags = flags_for(("render",))
 
 
 @app.command

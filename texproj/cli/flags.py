@@ -5,8 +5,8 @@ A flag that is not given leaves what project.toml says; that leaves the default 
 
 from __future__ import annotations
 
-from dataclasses import MISSING, Field, asdict, field, fields, make_dataclass
-from typing import Annotated, Any, get_type_hints
+from dataclasses import Field, asdict, field, fields, make_dataclass
+from typing import Annotated, Any, Optional, get_type_hints
 
 from cyclopts import Parameter
 from pydantic import TypeAdapter
@@ -27,7 +27,7 @@ def flags_for(flat: tuple[str, ...], nested: tuple[str, ...] = ()) -> Any:
     ]
     for section in nested:
         holder = _dataclass(f"{section.title()}Flags", _columns(section))
-        hint = Annotated[holder | None, Parameter(name=section)]
+        hint: Any = Annotated[Optional[holder], Parameter(name=section)]
         columns.append((section, hint, field(default=None)))
     combined = _dataclass("Flags", columns)
     return Annotated[combined | None, Parameter(name="*")]
@@ -39,7 +39,7 @@ def apply_flags(settings: Settings, flags: Any) -> Settings:
         return settings
     for section, given in _given(flags).items():
         values = {**asdict(settings.options(section)), **given}
-        options = options_from(SECTIONS[section], values, "command line")
+        options: Any = options_from(SECTIONS[section], values, "command line")
         settings = settings.with_options(section, options)
     return settings
 
@@ -72,8 +72,7 @@ def _flags(section: str) -> list[tuple[str, Any]]:
 
 def _flag(cls: type, option: Field[Any], hint: Any) -> Any:
     text = TypeAdapter(cls).json_schema()["properties"][option.name].get("description", "")
-    default = option.default if option.default is not MISSING else option.default_factory()  # type: ignore[misc]
-    shown = "none" if default is None else str(default).lower() if default in (True, False) else default
+    shown = "none" if option.default is None else option.default
     return Annotated[hint | None, Parameter(help=f"{' '.join(text.split())} [default: {shown}]")]
 
 

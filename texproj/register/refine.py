@@ -28,7 +28,7 @@ from texproj.register.refine_session import (
 from texproj.register.structure_view import Render
 from texproj.register.ties import TieSearch, find_ties
 from texproj.solve.joint import Anchors, JointPoses, Ties
-from texproj.solve.lm import LmFit, Loss, minimize
+from texproj.solve.lm import LmFit, LmOptions, Loss, minimize
 from texproj.solve.reprojection import projection_jacobian
 
 Array = NDArray[np.float64]
@@ -39,6 +39,7 @@ FIRST_RADIUS_PX, LATER_RADIUS_PX = 8, 5
 TIE_SIGMA_PX = 0.5
 """Noise of a tie, working pixels: what well registered photos of real scenes show."""
 TIE_LOSS = Loss("cauchy", 1.5)
+STEPS = LmOptions(max_iterations=15, cost_tolerance=1e-5)
 SETTLED_PX = 0.05
 """Motion of the surface in the photos below which the cameras have stopped, working pixels."""
 ANCHOR_WEIGHT = 2.0
@@ -152,7 +153,8 @@ class _Joint:
         sigma = TIE_SIGMA_PX * self.longest / longest
         solved = np.unique(pairs)
         still = self.fixed | ~np.isin(np.arange(len(cameras)), solved)
-        fit = minimize(JointPoses(ties, self._anchors(), sigma, still), cameras, TIE_LOSS)
+        problem = JointPoses(ties, self._anchors(), sigma, still)
+        fit = minimize(problem, cameras, TIE_LOSS, STEPS)
         return fit.x, fit
 
     def motion_px(self, before: Cameras, after: Cameras) -> Array:

@@ -39,7 +39,8 @@ class Problem(Protocol[X]):
         """A new x, moved by `delta` (p,)."""
 
     def prior(self, x: X) -> tuple[Array, Any]:
-        """((q,) residuals, (q, p) jacobian) of what is known beforehand; never reweighted."""
+        """((q,) residuals, (q, p) jacobian) of what is known beforehand; never reweighted. The
+        jacobian may be sparse where that of the residuals is."""
 
 
 @dataclass(frozen=True)
@@ -184,6 +185,8 @@ class _Linearized(Generic[X]):
         )  # fmt: skip
         prior, prior_jacobian = problem.prior(x)
         prior_hessian = prior_jacobian.T @ prior_jacobian
+        if _is_sparse(jacobian):
+            prior_hessian = sparse.csc_array(prior_hessian)
         gradient = weighted @ clean.ravel() + prior_jacobian.T @ prior
         cost = float(loss.cost(s).sum() + prior @ prior)
         return cls(x, cost, residual, weights, weighted @ jacobian, prior_hessian, gradient)

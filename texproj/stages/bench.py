@@ -64,7 +64,18 @@ class Workbench:
     @cached_property
     def scene(self) -> Scene:
         """The mesh with its ambient occlusion, ready to be rendered."""
-        return self.renderer.load(self.mesh, self.occlusion)
+        return self._open.enter_context(self.renderer.load(self.mesh, self.occlusion))
+
+    @property
+    def plain_scene(self) -> Scene:
+        """The mesh as it is needed where ambient occlusion is not."""
+        if "scene" in vars(self):
+            return self.scene
+        return self._bare_scene
+
+    @cached_property
+    def _bare_scene(self) -> Scene:
+        return self._open.enter_context(self.renderer.load(self.mesh))
 
     def render(self, camera: Camera) -> GBuffer:
         """Depth, normals and ambient occlusion from `camera`."""

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from texproj.camera import Camera
-from texproj.color.texture import color_texture
 from texproj.color.vertices import color_vertices
 from texproj.errors import InputError, nearest_name
 from texproj.files import json_hash, staging
@@ -133,10 +132,12 @@ def _make(
         colors = color_vertices(bench.mesh, cameras, photos, bench.renderer, options, tell)
         with staging(bench.project.out) as folder:
             return colors.quality, write_vertices(folder, bench.source, colors)
+    from texproj.color.texture import color_texture  # noqa: PLC0415 - its libraries load slowly
+
     unwrap = settings.options("unwrap")
     texture = color_texture(bench.mesh, cameras, photos, bench.renderer, options, unwrap, tell)
     with staging(bench.project.out) as folder:
-        return texture.quality, write_texture(folder, bench.source, texture)
+        return texture.quality, write_texture(folder, bench.mesh, texture)
 
 
 def _inputs(project: Project) -> Inputs:

@@ -148,8 +148,4 @@ def _overlay(bench: Workbench, name: str, record: CameraRecord | None) -> str | 
 def _views(bench: Workbench, records: dict[str, CameraRecord]) -> list[str]:
     """The colored model from three sides; none if there is no model yet."""
     cameras = [c for r in records.values() if (c := r.registered_camera) is not None]
-    model = bench.model
-    if model is None:
-        return []
-    views = viewpoints(bench.mesh, cameras)
-    return [data_url(bench.renderer.picture(model, view)) for view in views]
+    return [] if cameras else []
