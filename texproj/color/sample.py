@@ -20,7 +20,7 @@ from texproj.options import ColorOptions
 class Samples:
     """Colors of the points that a photo sees.
 
-    index: (m,); rgb: (m, 3) uint16 linear light (`view.WHITE`); weight: (m,) float32 in (0, 1].
+    index: (m,) numbers of the points in their chunk; rgb: (m, 3) uint16 linear light (`view.WHITE`); weight: (m,) float32 in (0, 1].
     """
 
     index: NDArray[np.intp]
@@ -36,7 +36,7 @@ def sample(points: SurfacePoints, view: PhotoView, options: ColorOptions) -> Sam
         weight *= factor
     used = np.flatnonzero(weight > 0)
     rgb = read_colors(view, sight.xy_px[used], sight.pixels[used])
-    return Samples(sight.index[used], rgb, weight[used])
+    return Samples(points.index[sight.index[used]], rgb, weight[used])
 
 
 def read_colors(view: PhotoView, xy_px: Floats, pixels: Floats) -> NDArray[np.uint16]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.camera import Camera
-from texproj.color.points import Floats, SurfacePoints
+from texproj.color.points import Floats, SurfacePoints, facing
 from texproj.color.view import PhotoView, lookup
 from texproj.options import ColorOptions
 
@@ -45,7 +45,7 @@ def sight_of(points: SurfacePoints, view: PhotoView, options: ColorOptions) -> S
     """The points in the picture that face the camera and are hidden by nothing."""
     camera = view.depth_camera
     xyz = to_camera(points, camera)
-    cos_angle = facing(points, view.camera)
+    cos_angle = facing(points.xyz, points.normal, points.origin, view.camera)
     k = camera.intrinsics
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = 1 / xyz[:, 2]
@@ -60,8 +60,8 @@ def sight_of(points: SurfacePoints, view: PhotoView, options: ColorOptions) -> S
     xy_px = photo_pixels(np.stack([x[index], y[index]], axis=1), view.camera)
     keep &= view.camera.inside(xy_px)
     index, cos_angle, depth = index[keep], cos_angle[keep], depth[keep]
-    spacing = points.spacing if len(points.spacing) == 1 else points.spacing[index]
-    pixels = np.float32(view.camera.intrinsics.fx) / depth * spacing * np.sqrt(cos_angle)
+    focal = np.float32(view.camera.intrinsics.fx)
+    pixels = focal / depth * points.spacing[index] * np.sqrt(cos_angle)
     return Sight(index, xy_px[keep], depth, cos_angle, pixels, depth_xy[keep])
 
 
@@ -70,14 +70,6 @@ def to_camera(points: SurfacePoints, camera: Camera) -> Floats:
     R, t = camera.pose.R, camera.pose.apply(points.origin)
     matrix = np.concatenate([R, t.reshape(3, 1)], axis=1).astype(np.float32)
     return cv2.transform(points.xyz.reshape(-1, 1, 3), matrix).reshape(-1, 3)
-
-
-def facing(points: SurfacePoints, camera: Camera) -> Floats:
-    """(n,) cosine of the angle between normal and line of sight; negative on back faces."""
-    to_eye = (camera.center - points.origin).astype(np.float32) - points.xyz
-    along = np.einsum("ij,ij->i", to_eye, points.normal)
-    length = np.sqrt(np.einsum("ij,ij->i", to_eye, to_eye))
-    return along / np.maximum(length, np.float32(1e-30))
 
 
 def photo_pixels(ideal: Floats, camera: Camera) -> Floats:

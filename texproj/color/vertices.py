@@ -7,21 +7,22 @@ from collections.abc import Sequence
 import numpy as np
 
 from texproj.camera import Camera
-from texproj.color.combine import weighted_mean
+from texproj.color.combine import blend
 from texproj.color.fill import fill_vertices
-from texproj.color.points import chunks, vertex_points
+from texproj.color.gains import no_gains, solve_gains
+from texproj.color.points import CHUNK, VertexPoints
 from texproj.color.project import LoadPhoto, Progress, project_photos
 from texproj.color.result import VertexColors
-from texproj.color.view import MeshRenderer
 from texproj.mesh import Mesh
 from texproj.options import ColorOptions
+from texproj.render import Renderer
 
 
 def color_vertices(
     mesh: Mesh,
     cameras: Sequence[Camera],
     load_photo: LoadPhoto,
-    renderer: MeshRenderer,
+    renderer: Renderer,
     options: ColorOptions | None = None,
     progress: Progress | None = None,
 ) -> VertexColors:
@@ -31,16 +32,21 @@ def color_vertices(
     called once per photo; progress: called with photos done and photos in all.
     """
     options = options or ColorOptions()
-    points = vertex_points(mesh)
-    rgb = np.zeros((len(points), 3), np.float32)
-    weight = np.zeros(len(points), np.float32)
-    count = np.zeros(len(points), np.uint16)
+    points = VertexPoints.of(mesh)
+    rgb = np.zeros((len(mesh.vertices), 3), np.float32)
+    weight = np.zeros(len(mesh.vertices), np.float32)
+    count = np.zeros(len(mesh.vertices), np.uint16)
     with (
         renderer.load(mesh) as scene,
         project_photos(points, cameras, load_photo, scene, options, progress) as spill,
     ):
-        for chunk, part in enumerate(chunks(len(points))):
-            blend = weighted_mean(spill.read(chunk))
-            rgb[part], weight[part], count[part] = blend.rgb, blend.weight, blend.photo_count
+        gains = solve_gains(spill, len(cameras)) if options.gains else no_gains(len(cameras))
+        for chunk in range(len(points.sizes)):
+            part = slice(chunk * CHUNK, (chunk + 1) * CHUNK)
+            result = blend(
+                spill.read(chunk), gains.factor, options.robust_scale, options.robust_rounds
+            )
+            rgb[part], weight[part] = result.rgb, result.weight
+            count[part] = result.photo_count
     quality = {"seen": float((weight > 0).mean())}
     return VertexColors(fill_vertices(mesh, rgb, weight > 0), weight, count, quality)

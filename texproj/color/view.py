@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Protocol
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from texproj.camera import Camera
-from texproj.mesh import Mesh
 from texproj.options import ColorOptions
 from texproj.photo import LINEAR_OF_SRGB8, Photo
+from texproj.render import Scene, pinhole_cover
 
 WHITE = 60000.0
 """The 16-bit value that stands for linear 1, with head-room for resampling and gains."""
@@ -23,20 +22,6 @@ LINEAR16_OF_SRGB8 = np.round(LINEAR_OF_SRGB8 * WHITE).astype(np.uint16)
 DEPTH_JUMP_PX = 12.0
 """Depth steps between neighboring pixels larger than so many pixel footprints are silhouettes:
 a plane seen at 85 degrees off its normal makes steps of 11."""
-
-
-class DepthScene(Protocol):
-    """What coloring needs of a scene."""
-
-    def gbuffer(self, camera: Camera, channels: tuple[str, ...]) -> Any: ...
-    def __enter__(self) -> DepthScene: ...
-    def __exit__(self, *args: object) -> None: ...
-
-
-class MeshRenderer(Protocol):
-    """What coloring needs of a renderer."""
-
-    def load(self, mesh: Mesh) -> Any: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,29 +52,24 @@ class PhotoView:
         return self.camera.intrinsics.fx / self.depth_camera.intrinsics.fx
 
 
-def photo_view(photo: Photo, camera: Camera, scene: DepthScene, options: ColorOptions) -> PhotoView:
+def photo_view(photo: Photo, camera: Camera, scene: Scene, options: ColorOptions) -> PhotoView:
     """What `photo` sees of the scene. `camera` is that of the full-size photo."""
-    camera = camera.resized(photo.width, photo.height)
-    depth_camera = cover(camera.scaled(options.depth_scale))
-    depth = scene.gbuffer(depth_camera, ("depth",)).depth
-    scale = camera.intrinsics.fx / depth_camera.intrinsics.fx
-    return PhotoView(
-        camera,
-        image_pyramid(photo),
-        depth_camera,
-        depth,
-        silhouette_distance(depth, depth_camera.intrinsics.fx) * scale,
-        mask_distance(photo.mask),
+    view = bare_view(camera.resized(photo.width, photo.height), scene, options.depth_scale)
+    return replace(
+        view,
+        levels=image_pyramid(photo),
+        silhouette_px=silhouette_distance(view.depth, view.depth_camera.intrinsics.fx)
+        * np.float32(view.depth_pixel),
+        mask_px=mask_distance(photo.mask),
     )
 
 
-def cover(camera: Camera) -> Camera:
-    """A pinhole camera at the same place that sees everything that `camera` sees."""
-    if not camera.intrinsics.distorted:
-        return camera
-    from texproj.render import pinhole_cover  # noqa: PLC0415
-
-    return pinhole_cover(camera)
+def bare_view(camera: Camera, scene: Scene, depth_scale: float) -> PhotoView:
+    """What `camera` sees of the scene, without the photo and what is made from it."""
+    depth_camera = pinhole_cover(camera.scaled(depth_scale))
+    depth = scene.gbuffer(depth_camera, ("depth",)).depth
+    assert depth is not None
+    return PhotoView(camera, (), depth_camera, depth, np.full_like(depth, 1e6), None)
 
 
 def image_pyramid(photo: Photo, smallest: int = 32) -> tuple[NDArray[np.uint16], ...]:

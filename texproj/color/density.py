@@ -1,0 +1,68 @@
+"""How many texels the photos are worth, face by face."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.camera import Camera
+from texproj.color.points import SurfacePoints
+from texproj.color.sight import sight_of
+from texproj.color.view import bare_view
+from texproj.mesh import Mesh, face_areas, face_normals
+from texproj.options import ColorOptions
+from texproj.render import Scene
+
+UNSEEN = 0.25
+"""Texels per unit of faces that no photo sees, against the median of the others."""
+
+CLOSEST = 0.98
+"""Part of the surface that gets the full resolution of its best photo: a few faces right in front
+of a camera do not decide the size of the texture."""
+
+SURVEY_PX = 640
+"""Longer side of the depth images that decide here which photo sees a face."""
+
+
+def texels_per_unit(
+    mesh: Mesh, cameras: Sequence[Camera], scene: Scene, options: ColorOptions
+) -> NDArray[np.float64]:
+    """(F,) texels per mesh unit: pixels of the photo that resolves the face best, times
+    `options.texels_per_pixel`.
+    """
+    faces = _face_points(mesh)
+    best = np.zeros(len(mesh.faces))
+    for camera in cameras:
+        small = camera.scaled(min(1.0, SURVEY_PX / max(camera.width, camera.height)))
+        sight = sight_of(faces, bare_view(small, scene, 1.0), options)
+        pixels = sight.pixels * camera.width / small.width
+        best[sight.index] = np.maximum(best[sight.index], pixels)
+    seen = best > 0
+    if not seen.any():
+        return np.ones(len(best))
+    area = face_areas(mesh)
+    best = np.minimum(best, _weighted_quantile(best[seen], area[seen], CLOSEST))
+    best[~seen] = UNSEEN * _weighted_quantile(best[seen], area[seen], 0.5)
+    return best * options.texels_per_pixel
+
+
+def _face_points(mesh: Mesh) -> SurfacePoints:
+    """The faces' centers with spacing 1, so that `pixels` is pixels per unit."""
+    origin = mesh.center
+    corners = (mesh.vertices - origin)[mesh.faces]
+    count = len(corners)
+    return SurfacePoints(
+        np.arange(count),
+        corners.mean(axis=1).astype(np.float32),
+        origin,
+        face_normals(mesh).astype(np.float32),
+        np.ones(count, np.float32),
+    )
+
+
+def _weighted_quantile(values: NDArray[np.float64], weight: NDArray[np.float64], q: float) -> float:
+    order = np.argsort(values)
+    share = np.cumsum(weight[order])
+    return float(values[order[min(np.searchsorted(share, q * share[-1]), len(order) - 1)]])

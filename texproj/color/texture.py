@@ -1,0 +1,105 @@
+"""A texture from photos."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.camera import Camera
+from texproj.color.atlas import Atlas
+from texproj.color.combine import Blend, blend
+from texproj.color.density import texels_per_unit
+from texproj.color.gains import Gains, no_gains, solve_gains
+from texproj.color.pages import fill_page
+from texproj.color.project import LoadPhoto, Progress, project_photos, workers
+from texproj.color.result import Texture
+from texproj.color.spill import Spill
+from texproj.color.texels import TexelPoints
+from texproj.color.unwrap import unwrap
+from texproj.mesh import Mesh
+from texproj.options import ColorOptions, UnwrapOptions
+from texproj.photo import srgb_from_linear
+from texproj.render import Renderer
+
+ENCODING = np.round(srgb_from_linear(np.arange(65536) / 65535) * 255).astype(np.uint8)
+"""8-bit sRGB of 16-bit linear light."""
+
+
+def color_texture(
+    mesh: Mesh,
+    cameras: Sequence[Camera],
+    load_photo: LoadPhoto,
+    renderer: Renderer,
+    options: ColorOptions | None = None,
+    unwrap_options: UnwrapOptions | None = None,
+    progress: Progress | None = None,
+) -> Texture:
+    """Unwrap the mesh and blend all photos into its texture.
+
+    cameras: of the full-size photos; load_photo: decodes the photo of a number in `cameras`, is
+    called once per photo; progress: called with photos done and photos in all.
+    """
+    options = options or ColorOptions()
+    with renderer.load(mesh) as scene:
+        density = texels_per_unit(mesh, cameras, scene, options)
+        atlas = unwrap(mesh, density, unwrap_options)
+        points = TexelPoints.of(mesh, atlas)
+        with project_photos(points, cameras, load_photo, scene, options, progress) as spill:
+            gains = solve_gains(spill, len(cameras)) if options.gains else no_gains(len(cameras))
+            return bake(points, atlas, spill, gains, options)
+
+
+def bake(
+    points: TexelPoints, atlas: Atlas, spill: Spill, gains: Gains, options: ColorOptions
+) -> Texture:
+    """The pages of the texture from the samples of all photos."""
+    kind = np.uint8 if options.bits == 8 else np.uint16
+    pages = [np.zeros((h, w, 3), kind) for w, h in atlas.page_sizes]
+    counts = [np.zeros((h, w), np.uint8) for w, h in atlas.page_sizes]
+    share = np.zeros(len(gains.factor))
+
+    def one(number: int) -> None:
+        stack = spill.read(number)
+        result = blend(stack, gains.factor, options.robust_scale, options.robust_rounds)
+        page = points.tiles[number].page
+        points.place(number, pages[page], encoded(result, options.bits))
+        points.place(number, counts[page], np.minimum(result.photo_count, 255).astype(np.uint8))
+        np.add.at(share, stack.photos, result.share)
+
+    with ThreadPoolExecutor(workers()) as pool:
+        list(pool.map(one, range(len(points.tiles))))
+    for page, count in zip(pages, counts, strict=True):
+        fill_page(page, count > 0)
+    return Texture(atlas, tuple(pages), tuple(counts), quality_of(points, counts, share, gains))
+
+
+def encoded(result: Blend, bits: int) -> NDArray[Any]:
+    """(n, 3) sRGB, 8 or 16 bit."""
+    if bits == 8:
+        return ENCODING[(np.clip(result.rgb, 0, 1) * 65535).astype(np.uint16)]
+    return np.round(srgb_from_linear(result.rgb) * 65535).astype(np.uint16)
+
+
+def quality_of(
+    points: TexelPoints, counts: list[NDArray[np.uint8]], share: NDArray[np.float64], gains: Gains
+) -> dict[str, Any]:
+    """Numbers for the report: see README."""
+    texels = sum(points.counts)
+    seen = sum(int(np.count_nonzero(count)) for count in counts)
+    return {
+        "texels": texels,
+        "seen": seen / max(texels, 1),
+        "photos_per_texel": sum(int(c.sum(dtype=np.int64)) for c in counts) / max(seen, 1),
+        "photos": [
+            {
+                "gain": [round(float(g), 4) for g in factor],
+                "spread": round(float(spread), 4),
+                "share": round(float(part) / max(seen, 1), 4),
+            }
+            for factor, spread, part in zip(gains.factor, gains.spread, share, strict=True)
+        ],
+    }
