@@ -71,7 +71,7 @@ class Photo:
         pixels = cv2.resize(self.pixels, size, interpolation=cv2.INTER_AREA)
         mask = None
         if self.mask is not None:
-            mask = cv2.resize(self.mask, size, interpolation=cv2.INTER_NEAREST)
+            mask = cv2.resize(self.mask, size, interpolation=cv2.INTER_NEAREST_EXACT)
         return replace(self, pixels=pixels, mask=mask)
 
 

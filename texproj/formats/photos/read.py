@@ -59,7 +59,7 @@ def _pixels(raster: Raster, profile: bytes) -> NDArray[np.uint8] | NDArray[np.fl
         return np.ascontiguousarray(values)
     if values.dtype == np.uint16:
         return _linear_of_srgb16()[values]
-    return np.ascontiguousarray(values) if not profile else linear_from_srgb(values)
+    return np.ascontiguousarray(values) if not profile else linear_from_srgb(np.maximum(values, 0))
 
 
 def _rgb_of_cmyk(values: Values) -> Values:
