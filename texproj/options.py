@@ -192,8 +192,10 @@ class DemoOptions:
     """Triangles of the true piece that is photographed, about."""
     scan_noise_mm: Annotated[float, Field(ge=0, le=20)] = 0.4
     """Standard deviation of the scan's noise along the surface normal."""
-    start_error_px: Annotated[float, Field(ge=0, le=500)] = 60.0
+    start_error_px: Annotated[float, Field(ge=0, le=500)] = 40.0
     """Mean displacement of the piece in the rough cameras."""
+    calibrated: bool = True
+    """The rough cameras have the true lens; else only the focal length that EXIF tells."""
     pick_sigma_px: Annotated[float, Field(ge=0, le=50)] = 1.0
     """Standard deviation of the picks, along each axis."""
     gloss: Annotated[float, Field(ge=0, le=5)] = 0.5

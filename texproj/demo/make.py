@@ -130,8 +130,10 @@ def _taken(scene: Scene, scan: Mesh, view: View, number: int, options: DemoOptio
 def _guessed(
     camera: Camera, view: View, scan: Mesh, options: DemoOptions, rng: np.random.Generator
 ) -> Camera:
-    """A rough camera: a disturbed pose, EXIF's focal length, no lens errors known."""
+    """A rough camera: a disturbed pose; the lens as calibrated, or only EXIF's focal length."""
     rough = disturbed(camera, scan.vertices[::37], options.start_error_px, rng)
+    if options.calibrated:
+        return rough
     f = focal_px_of_exif(view.body, camera.width, camera.height)
     ideal = replace(
         rough.intrinsics, fx=f, fy=f, cx=camera.width / 2, cy=camera.height / 2, dist=(0.0,) * 5

@@ -52,7 +52,7 @@ class View:
 
 
 TOUR = (
-    View(-12, 12, ev=0.4),
+    View(-12, 12, ev=0.4, body=REFLEX),
     View(-48, 22, ev=-0.1),
     View(-85, 10, ev=0.2, body=REFLEX),
     View(-128, 24, ev=0.9),

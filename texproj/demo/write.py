@@ -7,11 +7,13 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import trimesh
+from numpy.typing import NDArray
 
-from texproj.demo.make import DemoProject, make_demo
+from texproj.demo.make import DemoPhoto, DemoProject, make_demo
+from texproj.files import staging, write_atomically
 from texproj.formats.cameras import cameras_json
 from texproj.formats.correspondences import correspondences_csv
+from texproj.formats.models.ply import write_ply
 from texproj.mesh import Mesh
 from texproj.options import DemoOptions
 from texproj.photo import srgb_from_linear
@@ -24,31 +26,36 @@ def write_demo(
 ) -> DemoProject:
     """Make the demo and write it as a project folder plus `truth/`: the true cameras, the true
     colors of the scan's vertices (albedo.ply, shaded.ply) and the piece's outline in each photo.
+
+    progress: called with a word on each step. Raises OutputError.
     """
     demo = make_demo(options or DemoOptions(), progress)
-    for name in ("mesh", "photos", "correspondences", "truth/masks"):
-        (folder / name).mkdir(parents=True, exist_ok=True)
-    (folder / "mesh/scan.ply").write_bytes(_ply(demo.mesh))
-    (folder / "cameras.json").write_text(cameras_json(demo.starts), "utf-8")
     for photo in demo.photos:
-        (folder / "photos" / photo.file).write_bytes(photo.encoded)
-        stem = Path(photo.file).stem
-        mask = cv2.imencode(".png", photo.object_mask)[1].tobytes()
-        (folder / "truth/masks" / f"{stem}.png").write_bytes(mask)
-        if photo.picks is not None:
-            picks = correspondences_csv(photo.picks)
-            (folder / "correspondences" / f"{stem}.csv").write_text(picks, "utf-8")
-    _write_truth(folder / "truth", demo)
+        _write_photo(folder, photo)
+    truth = folder / "truth"
+    write_atomically(truth / "cameras.json", cameras_json(demo.truth))
+    _write_ply(truth / "albedo.ply", demo.mesh, _encoded(demo.albedo))
+    _write_ply(truth / "shaded.ply", demo.mesh, _encoded(demo.shaded))
+    _write_ply(folder / "mesh/scan.ply", demo.mesh, None)
+    write_atomically(folder / "cameras.json", cameras_json(demo.starts))
     return demo
 
 
-def _write_truth(folder: Path, demo: DemoProject) -> None:
-    (folder / "cameras.json").write_text(cameras_json(demo.truth), "utf-8")
-    for name, linear in (("albedo", demo.albedo), ("shaded", demo.shaded)):
-        rgb = np.round(srgb_from_linear(linear) * 255).astype(np.uint8)
-        (folder / f"{name}.ply").write_bytes(_ply(demo.mesh, rgb))
+def _write_photo(folder: Path, photo: DemoPhoto) -> None:
+    """The picture, its picks if it has any, and the piece's outline."""
+    stem = Path(photo.file).stem
+    write_atomically(folder / "photos" / photo.file, photo.encoded)
+    outline = cv2.imencode(".png", photo.object_mask)[1].tobytes()
+    write_atomically(folder / "truth/masks" / f"{stem}.png", outline)
+    if photo.picks is not None:
+        picks = correspondences_csv(photo.picks)
+        write_atomically(folder / "correspondences" / f"{stem}.csv", picks)
 
 
-def _ply(mesh: Mesh, rgb: np.ndarray | None = None) -> bytes:
-    model = trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=rgb, process=False)
-    return bytes(model.export(file_type="ply"))
+def _write_ply(path: Path, mesh: Mesh, colors: NDArray[np.uint8] | None) -> None:
+    with staging(path.parent) as place:
+        write_ply(place / path.name, mesh.vertices, mesh.faces, colors)
+
+
+def _encoded(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
+    return np.round(srgb_from_linear(linear) * 255).astype(np.uint8)

@@ -17,20 +17,21 @@ def write_ply(
     path: Path,
     vertices: NDArray[np.float64],
     faces: NDArray[np.int32],
-    colors: NDArray[np.uint8] | NDArray[np.uint16],
+    colors: NDArray[np.uint8] | NDArray[np.uint16] | None,
     normals: NDArray[np.float64] | None = None,
 ) -> None:
-    """Write a mesh with sRGB-encoded vertex colors, in the order given.
+    """Write a mesh, with sRGB-encoded vertex colors if there are any, in the order given.
 
     vertices: (V, 3), written as double where single precision would move them; faces: (F, 3);
-    colors: (V, 3 or 4), uint8 for viewers (few read uint16); normals: (V, 3) or None.
+    colors: (V, 3 or 4), uint8 for viewers (few read uint16), or None; normals: (V, 3) or None.
     Raises OSError.
     """
     real = "f4" if single_is_enough(vertices) else "f8"
     columns: dict[str, tuple[NDArray[Any], str]] = {"xyz": (vertices, real)}
     if normals is not None:
         columns["normal"] = (normals, "f4")
-    columns["color"] = (colors, f"u{colors.itemsize}")
+    if colors is not None:
+        columns["color"] = (colors, f"u{colors.itemsize}")
     names = {
         "xyz": ("x", "y", "z"),
         "normal": ("nx", "ny", "nz"),
