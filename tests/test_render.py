@@ -1,5 +1,7 @@
 """Images of the mesh: geometry known on paper, and the two renderers against each other."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import moderngl
 import numpy as np
 import pytest
@@ -42,7 +44,8 @@ def _no_gl_error(request):
         value = request.getfixturevalue(name)
         for one in value if isinstance(value, tuple) else (value,):
             if isinstance(one, GLRenderer):
-                assert one.ctx.error == "GL_NO_ERROR"
+                with one.current():
+                    assert one.ctx.error == "GL_NO_ERROR"
 
 
 def camera(dist=(), size=(64, 48), focal=60.0, pose=None) -> Camera:
@@ -264,12 +267,100 @@ def test_tiles_make_the_same_picture():
         ctx = moderngl.create_context(standalone=True, backend="egl")
         with GLRenderer(ctx, tile_px=limit) as one, one.load(mesh) as scene:
             images.append(scene.gbuffer(cam, ("depth", "face", "normal")))
-            assert ctx.error == "GL_NO_ERROR"
     whole, tiled = images
     same = whole.face == tiled.face
     assert same.mean() > 0.998
     np.testing.assert_allclose(whole.depth[same], tiled.depth[same], rtol=1e-4)
     np.testing.assert_allclose(whole.normal_in_cam[same], tiled.normal_in_cam[same], atol=5e-3)
+
+
+def test_two_renderers_live_side_by_side(both):
+    """Each draws its own mesh, whichever was opened or closed last."""
+    gl, _ = both
+    with gl.load(TILTED) as scene:
+        before = scene.gbuffer(camera(), ("depth",)).depth
+        with open_renderer(RenderOptions("gl")) as other, other.load(bumpy()) as second:
+            ball = second.gbuffer(camera(), ("depth",)).depth
+            between = scene.gbuffer(camera(), ("depth",)).depth
+            again = second.gbuffer(camera(), ("depth",)).depth
+        after = scene.gbuffer(camera(), ("depth",)).depth
+    assert np.array_equal(before, between)
+    assert np.array_equal(before, after)
+    assert np.array_equal(ball, again)
+    assert not np.array_equal(ball, before)
+
+
+def test_threads_take_turns(both):
+    """Four threads at once get what one gets alone."""
+    cameras = [camera(size=(64 + i, 48)) for i in range(4)] * 5
+    with both[0].load(TILTED) as scene, ThreadPoolExecutor(4) as pool:
+        together = pool.map(lambda cam: scene.gbuffer(cam, ("depth",)).depth, cameras)
+        for cam, depth in zip(cameras, together, strict=True):
+            assert np.array_equal(depth, scene.gbuffer(cam, ("depth",)).depth)
+
+
+def test_a_pass_leaves_nothing_behind(both):
+    """What is drawn after it by plain OpenGL looks as if the pass had never been."""
+    gl, _ = both
+    with gl.load(TILTED) as scene, gl.current():
+        before = _plain_triangle(gl.ctx)
+        scene.gbuffer(camera(), CHANNELS[:3])
+        scene.gbuffer(camera(LENSES["barrel"]), ("front",))
+        assert _plain_triangle(gl.ctx) == before
+
+
+def _plain_triangle(ctx) -> bytes:
+    """Two overlapping triangles at depths 0.5 and 0.9, the farther last, without any state set."""
+    program = ctx.program(
+        vertex_shader="#version 330\nin vec3 p; void main() { gl_Position = vec4(p, 1.0); }",
+        fragment_shader="#version 330\nout vec4 c; void main() { c = vec4(gl_FragCoord.z, "
+        "gl_FrontFacing ? 1.0 : 0.0, 0.0, 1.0); }",
+    )
+    corners = [(-1, -1, 0.5), (3, -1, 0.5), (-1, 3, 0.5), (-1, -1, 0.9), (3, -1, 0.9), (-1, 3, 0.9)]
+    buffer = ctx.buffer(np.array(corners, np.float32))
+    vao = ctx.vertex_array(program, [(buffer, "3f", "p")])
+    parts = [ctx.texture((8, 8), 4), ctx.depth_renderbuffer((8, 8))]
+    target = ctx.framebuffer(parts[:1], parts[1])
+    target.use()
+    target.clear()
+    vao.render()
+    pixels = target.read(components=4)
+    ctx.detect_framebuffer(0).use()
+    for part in (target, *parts, vao, buffer, program):
+        part.release()
+    return pixels
+
+
+def test_closing_gives_everything_back():
+    """No object of the context outlives the scene."""
+    with open_renderer(RenderOptions("gl")) as renderer:
+        made, released = _count_objects(renderer.ctx)
+        with renderer.load(TILTED, np.ones(4, np.float32)) as scene:
+            scene.gbuffer(camera(), CHANNELS)
+            scene.gbuffer(camera(LENSES["barrel"], (80, 60)), ("depth",))
+            scene.gbuffer(camera(LENSES["barrel"], (640, 480), 600), ("depth",))
+        assert len(made) > 15
+        assert [m for m in made if m not in released] == []
+
+
+def _count_objects(ctx) -> tuple[list, set]:
+    """Every object that `ctx` makes from now on, and the ids of those that are released."""
+    made, released = [], set()
+
+    def watched(make):
+        def maker(*args, **kwargs):
+            one = make(*args, **kwargs)
+            made.append((type(one).__name__, one.glo))
+            release = one.release
+            one.release = lambda: (released.add((type(one).__name__, one.glo)), release())
+            return one
+
+        return maker
+
+    kinds = "buffer texture depth_renderbuffer framebuffer program vertex_array"
+    for name in kinds.split():
+        setattr(ctx, name, watched(getattr(ctx, name)))
+    return made, released
 
 
 def test_camera_inside_the_mesh(both):

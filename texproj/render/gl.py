@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import moderngl
@@ -10,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.camera import Camera
+from texproj.errors import RenderError
 from texproj.mesh import Mesh
 from texproj.render.blocks import camera_block, lens_block
 from texproj.render.gbuffer import GBuffer, checked_channels
@@ -37,6 +40,32 @@ class GLRenderer:
         version = f"{ctx.version_code // 100}.{ctx.version_code // 10 % 10}"
         self.name = f"OpenGL {version} ({ctx.info['GL_RENDERER']})"
         self.fallback_reason: str | None = None
+        self._lock, self._inside = threading.RLock(), False
+        with ctx:  # and then current in no thread
+            pass
+
+    @contextmanager
+    def current(self) -> Iterator[None]:
+        """Makes this the context that OpenGL calls go to; whatever touches `ctx` belongs inside.
+
+        May be nested, and used from any thread, one at a time. Raises RenderError for what OpenGL
+        reports meanwhile, such as no memory left.
+        """
+        with self._lock:
+            if self._inside:
+                yield
+                return
+            self._inside = True
+            try:
+                with self.ctx:
+                    yield
+                    error = self.ctx.error
+            except moderngl.Error as failure:
+                raise RenderError(f"OpenGL failed: {failure}; try the renderer cpu.") from failure
+            finally:
+                self._inside = False
+            if error != "GL_NO_ERROR":
+                raise RenderError(f"OpenGL failed: {error}; try the renderer cpu.")
 
     def __enter__(self) -> GLRenderer:
         return self
@@ -46,7 +75,8 @@ class GLRenderer:
 
     def load(self, mesh: Mesh, ambient_occlusion: Floats | None = None) -> GLScene:
         """The mesh on the card; close the scene (or use `with`) to release it."""
-        return GLScene(self, Surface(mesh, ambient_occlusion))
+        with self.current():
+            return GLScene(self, Surface(mesh, ambient_occlusion))
 
     def close(self) -> None:
         """Release the context."""
@@ -58,7 +88,7 @@ class GLScene:
 
     def __init__(self, renderer: GLRenderer, surface: Surface) -> None:
         self.surface = surface
-        self._ctx, self._limit = renderer.ctx, renderer.limit
+        self._renderer, self._ctx = renderer, renderer.ctx
         self._geometry = Geometry(self._ctx, surface)
         self._blocks = {name: self._ctx.buffer(reserve=128) for name in BINDINGS}
         self._programs: dict[tuple[tuple[str, ...], bool], Program] = {}
@@ -72,13 +102,14 @@ class GLScene:
 
     def close(self) -> None:
         """Release everything on the card."""
-        self._geometry.release()
-        if self._target is not None:
-            self._target.release()
-        for program in self._programs.values():
-            program.release()
-        for block in self._blocks.values():
-            block.release()
+        with self._renderer.current():
+            self._geometry.release()
+            if self._target is not None:
+                self._target.release()
+            for program in self._programs.values():
+                program.release()
+            for block in self._blocks.values():
+                block.release()
         self._target, self._programs, self._blocks = None, {}, {}
 
     def gbuffer(
@@ -89,9 +120,10 @@ class GLScene:
         Vertices go through the full lens model; edges that it bends visibly are split first.
         """
         wanted = checked_channels(channels, self.surface.occlusion is not None)
-        if camera.intrinsics.distorted:
-            self._geometry.straighten(camera)
-        images = self._picture(camera, wanted)
+        with self._renderer.current():
+            if camera.intrinsics.distorted:
+                self._geometry.straighten(camera)
+            images = self._picture(camera, wanted)
         if "face" in images:
             images["face"] = self._geometry.faces_of_mesh(images["face"])
         if not fills_photo(camera.intrinsics):
@@ -101,7 +133,7 @@ class GLScene:
         return GBuffer.from_channels(images)
 
     def _picture(self, camera: Camera, channels: tuple[str, ...]) -> dict[str, NDArray[Any]]:
-        parts = tiles(camera.width, camera.height, self._limit)
+        parts = tiles(camera.width, camera.height, self._renderer.limit)
         z = self.surface.depth_range(camera)
         if len(parts) == 1:
             return self._draw(camera, parts[0], z, channels)

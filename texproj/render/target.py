@@ -56,15 +56,17 @@ def drawing(
 
     blocks: uniform buffers and their binding points.
     """
+    target.framebuffer.use()
+    ctx.enable_only(moderngl.DEPTH_TEST)
+    ctx.front_face, ctx.depth_func = "cw", "<"
+    for buffer, binding in blocks:
+        buffer.bind_to_uniform_block(binding)
     try:
-        with ctx.scope(target.framebuffer, moderngl.DEPTH_TEST, uniform_buffers=blocks):
-            ctx.front_face = "cw"
-            ctx.depth_func = "<"
-            yield
+        yield
     finally:
-        ctx.front_face = "ccw"
-        ctx.depth_func = "<="
+        ctx.front_face, ctx.depth_func = "ccw", "<="
         ctx.enable_only(moderngl.NOTHING)
+        ctx.detect_framebuffer(0).use()
 
 
 class Target:
