@@ -14,11 +14,15 @@ from texproj.camera import Camera, Intrinsics, Pose
 from texproj.register.structure_solve import Candidate, approach
 from texproj.register.structure_start import placed_starts
 from texproj.register.structure_view import COARSE, StructureView
+from texproj.solve.placement import placements
 
 Array = NDArray[np.float64]
 
 SCALES = (0.86, 1.0, 1.16)
 STARTS = 2
+LEAST_LIKENESS = 0.6
+"""Correlation of the whole mirrored picture, relative to that of the picture itself, below which
+there is no symmetry to speak of; symmetric facades have .68 and more."""
 FLIP = np.diag([-1.0, 1.0, 1.0])
 
 
@@ -29,21 +33,29 @@ def mirrored_view(view: StructureView) -> StructureView:
 
 
 def mirrored_candidate(
-    view: StructureView, mirrored: StructureView, camera: Camera
+    view: StructureView, mirrored: StructureView, camera: Camera, least_support: float
 ) -> Candidate | None:
-    """The best camera for the `mirrored` view of a photo near the mirror image of `camera`."""
-    images, _, valid = view.rendering(camera, COARSE)
+    """A camera for the `mirrored` view of a photo near the mirror image of `camera`, with
+    `least_support` or more; None if there is none, as for most objects.
+    """
+    images, field, valid = view.rendering(camera, COARSE)
     if not valid.any() or images.depth is None or images.normal_in_cam is None:
         return None
-    here = view.camera_at(camera, COARSE)
-    y, x = np.nonzero(valid)
-    xyz = here.unproject(np.stack([x, y], axis=1) + 0.5, images.depth[valid])
-    middle = np.median(camera.pose.apply(xyz), axis=0)
+    own = placements(field, valid, view.fields[COARSE], (0.0,), (1.0,))[0].score
+    middle = _middle_in_cam(view.camera_at(camera, COARSE), images.depth, valid)
     facing = images.normal_in_cam[valid].mean(axis=0).astype(np.float64)
     start = mirrored_camera(camera, middle, facing)
-    starts = placed_starts(mirrored, start, (0.0,), SCALES, STARTS)
-    found = [c for c in (approach(mirrored, s) for s in starts) if c is not None]
-    return max(found, key=lambda c: c.support, default=None)
+    starts = placed_starts(mirrored, start, (0.0,), SCALES, STARTS, LEAST_LIKENESS * own)
+    for candidate in (approach(mirrored, s) for s in starts):
+        if candidate is not None and candidate.support >= least_support:
+            return candidate
+    return None
+
+
+def _middle_in_cam(camera: Camera, depth: NDArray[np.float32], valid: NDArray[np.bool_]) -> Array:
+    y, x = np.nonzero(valid)
+    xyz = camera.unproject(np.stack([x, y], axis=1) + 0.5, depth[valid])
+    return np.median(camera.pose.apply(xyz), axis=0)
 
 
 def mirrored_camera(camera: Camera, middle_in_cam: Array, facing_in_cam: Array) -> Camera:

@@ -78,7 +78,7 @@ def _finished(view: StructureView, prior: Camera, camera: Camera, options: Struc
     """Refined at the fine level, judged, and brought to full size."""
     seen, fit = refine(view, camera, prior.intrinsics.fx, options.focal_sigma)
     camera = fit.x.resized(prior.width, prior.height)
-    return _fit(seen, fit, camera, judge(view, camera, options))
+    return _fit(seen, fit, camera, judge(view, seen, camera, options))
 
 
 def _fit(seen: Observation, fit: LmFit[Camera], camera: Camera, verdict: Verdict) -> Fit:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.camera import Camera
+from texproj.register.structure_start import motion_px
 from texproj.register.structure_view import FINE, MIDDLE, Observation, PatchRule, StructureView
 from texproj.solve.lm import LmFit, LmOptions, Loss, minimize
 from texproj.solve.pnp import MsacOptions, msac_pose
@@ -18,8 +19,8 @@ Array = NDArray[np.float64]
 # In pixels of levels that are 768 and 384 px long; chosen on two scenes (see the benchmark).
 WIDE = PatchRule(MIDDLE, size_px=41, step_px=18, radius_px=20, peaks=2)
 NEAR = PatchRule(MIDDLE, size_px=41, step_px=18, radius_px=12)
-EXACT = PatchRule(FINE, size_px=65, step_px=20, radius_px=12)
-LAST = PatchRule(FINE, size_px=65, step_px=20, radius_px=8)
+EXACT = PatchRule(FINE, size_px=65, step_px=24, radius_px=12)
+LAST = PatchRule(FINE, size_px=49, step_px=16, radius_px=8)
 CHECK = PatchRule(MIDDLE, size_px=41, step_px=18, radius_px=8)
 
 MIDDLE_SCALE_PX, FINE_SCALE_PX = 1.0, 1.5
@@ -28,6 +29,10 @@ FOUND_WITHIN_PX = 2.0
 """A patch agrees with a camera if found this close to its place, pixels of the level."""
 LEAST_MATCHES = 12
 """Matches, and patches, below which nothing is concluded."""
+LEAST_SUPPORT = 0.1
+"""Share of patches that must agree on a start's camera for it to be followed any further."""
+STILL_PX, MOST_ROUNDS = 0.5, 3
+"""Motion, pixels of the fine level, at which refining stops, and most repetitions."""
 STEPS = LmOptions(max_iterations=30, cost_tolerance=1e-6)
 
 
@@ -44,14 +49,17 @@ class Candidate:
 
 def approach(view: StructureView, start: Camera) -> Candidate | None:
     """The camera to which the matches lead from `start` at the middle level; None if nowhere."""
-    camera: Camera | None = start
+    found: Candidate | None = None
     for rule in (WIDE, NEAR):
-        if camera is not None:
-            camera = consensus(view.observe(camera, rule), camera, MIDDLE_SCALE_PX)
-    if camera is None:
-        return None
-    check = view.observe(camera, CHECK)
-    return Candidate(camera, found_share(check), check.xyz_in_world)
+        seen = view.observe(start, rule)
+        camera = consensus(seen, start, MIDDLE_SCALE_PX)
+        if camera is None:
+            return None
+        found = Candidate(camera, explained_share(seen, camera), seen.xyz_in_world)
+        if found.support < LEAST_SUPPORT:
+            return None
+        start = camera
+    return found
 
 
 def refine(
@@ -59,14 +67,20 @@ def refine(
 ) -> tuple[Observation, LmFit[Camera]]:
     """The last matches at the fine level and the fit to them, pose and focal length together.
 
-    expected_focal_px: fx of the full-size photo, with relative standard deviation `focal_sigma`.
+    Matched again until the camera stays where it is, so that the matches are those of the
+    fitted camera. expected_focal_px: fx of the full-size photo, with relative standard
+    deviation `focal_sigma`.
     """
-    seen = view.observe(camera, EXACT)
-    moved = consensus(seen, camera, FINE_SCALE_PX) or camera
     prior = (expected_focal_px, focal_sigma)
-    found = least_squares(seen, moved, *prior).x.resized(camera.width, camera.height)
-    seen = view.observe(found, LAST)
-    return seen, least_squares(seen, found, *prior)
+    seen = view.observe(camera, EXACT)
+    fit = least_squares(seen, consensus(seen, camera, FINE_SCALE_PX) or camera, *prior)
+    for _ in range(MOST_ROUNDS):
+        camera = fit.x.resized(camera.width, camera.height)
+        seen = view.observe(camera, LAST)
+        fit = least_squares(seen, camera, *prior)
+        if motion_px(fit.x, seen.camera, seen.xyz_in_world) < STILL_PX:
+            break
+    return seen, fit
 
 
 def consensus(seen: Observation, camera: Camera, scale_px: float) -> Camera | None:
@@ -108,3 +122,11 @@ def agrees(seen: Observation) -> NDArray[np.bool_]:
 def found_share(seen: Observation) -> float:
     """Share of all patches sought that were found in place."""
     return float(agrees(seen).sum() / max(seen.patches, LEAST_MATCHES))
+
+
+def explained_share(seen: Observation, camera: Camera) -> float:
+    """Share of all patches sought of which a match is in place for another camera."""
+    here = camera.resized(seen.camera.width, seen.camera.height)
+    gap = np.linalg.norm(here.project(seen.xyz_in_world)[0] - seen.matches.target_px, axis=1)
+    explained = np.unique(seen.matches.patch[gap < FOUND_WITHIN_PX])
+    return len(explained) / max(seen.patches, LEAST_MATCHES)

@@ -29,6 +29,7 @@ def placed_starts(
     rolls_rad: Sequence[float],
     scales: Sequence[float],
     count: int,
+    least_score: float = 0.0,
 ) -> list[Camera]:
     """Up to `count` cameras, the likeliest first, whose view of the mesh is the prior's one
     turned, enlarged and shifted so that it fits the photo; empty where the mesh is not in view.
@@ -43,11 +44,11 @@ def placed_starts(
     probes = _probes(camera, images.depth, valid)
     found: list[Camera] = []
     for placement in placements(field, valid, view.fields[COARSE], rolls_rad, scales):
+        if placement.score < least_score or len(found) == count:
+            break
         start = replace(prior, pose=placed_pose(camera, placement, pivot, depth))
         if all(motion_px(start, other, probes) > DISTINCT * prior.width for other in found):
             found.append(start)
-        if len(found) == count:
-            break
     return found
 
 
