@@ -343,6 +343,21 @@ def test_closing_gives_everything_back():
         assert [m for m in made if m not in released] == []
 
 
+def test_closing_twice_or_in_another_order_does_no_harm():
+    """And what is closed says so."""
+    renderer = open_renderer(RenderOptions("gl"))
+    first, second = renderer.load(TILTED), renderer.load(TILTED)
+    first.close()
+    with pytest.raises(RenderError, match="scene is closed"):
+        first.gbuffer(camera(), ("depth",))
+    first.close()
+    renderer.close()
+    second.close()
+    renderer.close()
+    with pytest.raises(RenderError, match="renderer is closed"):
+        second.gbuffer(camera(), ("depth",))
+
+
 def _count_objects(ctx) -> tuple[list, set]:
     """Every object that `ctx` makes from now on, and the ids of those that are released."""
     made, released = [], set()

@@ -40,6 +40,7 @@ class GLRenderer:
         version = f"{ctx.version_code // 100}.{ctx.version_code // 10 % 10}"
         self.name = f"OpenGL {version} ({ctx.info['GL_RENDERER']})"
         self.fallback_reason: str | None = None
+        self.closed = False
         self._lock, self._inside = threading.RLock(), False
         with ctx:  # and then current in no thread
             pass
@@ -51,6 +52,8 @@ class GLRenderer:
         May be nested, and used from any thread, one at a time. Raises RenderError for what OpenGL
         reports meanwhile, such as no memory left.
         """
+        if self.closed:
+            raise RenderError("The renderer is closed already.")
         with self._lock:
             if self._inside:
                 yield
@@ -79,8 +82,10 @@ class GLRenderer:
             return GLScene(self, Surface(mesh, ambient_occlusion))
 
     def close(self) -> None:
-        """Release the context."""
-        self.ctx.release()
+        """Release the context, and with it every scene."""
+        if not self.closed:
+            self.closed = True
+            self.ctx.release()
 
 
 class GLScene:
@@ -102,6 +107,8 @@ class GLScene:
 
     def close(self) -> None:
         """Release everything on the card."""
+        if self._renderer.closed or not self._blocks:
+            return
         with self._renderer.current():
             self._geometry.release()
             if self._target is not None:
@@ -120,6 +127,8 @@ class GLScene:
         Vertices go through the full lens model; edges that it bends visibly are split first.
         """
         wanted = checked_channels(channels, self.surface.occlusion is not None)
+        if not self._blocks:
+            raise RenderError("The scene is closed already.")
         with self._renderer.current():
             if camera.intrinsics.distorted:
                 self._geometry.straighten(camera)
