@@ -6,7 +6,6 @@ import contextlib
 import errno
 import hashlib
 import json
-import os
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -90,7 +89,7 @@ def link_or_copy(source: Path, target: Path, link: bool) -> None:
     """Put `source` at `target`: a symbolic link if asked, else a copy. Raises OutputError."""
     try:
         if link:
-            os.symlink(source.resolve(), target)
+            target.symlink_to(source.resolve())
         else:
             shutil.copyfile(source, target)
     except OSError as error:

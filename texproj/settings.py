@@ -71,10 +71,12 @@ def read_settings(text: str, where: str) -> Settings:
     for key in ("mesh", "photos"):
         if key in data and not (isinstance(data[key], str) and data[key]):
             raise UsageError(f"{where}: {key} must be a path in quotes")
-    sections = {}
+    sections: dict[str, Any] = {}
     for name, cls in SECTIONS.items():
         table = data.get(name, {})
         if not isinstance(table, dict):
-            raise UsageError(f"{where}: {name} must be a table: write [{name}] on a line of its own")
+            raise UsageError(
+                f"{where}: {name} must be a table: write [{name}] on a line of its own"
+            )
         sections[name] = options_from(cls, table, f"{where} [{name}]")
     return Settings(data.get("mesh"), data.get("photos", DEFAULT_PHOTOS), sections)

@@ -30,10 +30,12 @@ Verbose = Annotated[
 if TYPE_CHECKING:
     RegisterFlags: TypeAlias = Any
     ColorFlags: TypeAlias = Any
+    RefineFlags: TypeAlias = Any
     RunFlags: TypeAlias = Any
     RenderFlags: TypeAlias = Any
 else:  # classes made from the options when the program starts
     RegisterFlags = flags_for(("register", "render"), ("points", "structure"))
+    RefineFlags = flags_for(("refine", "render"))
     ColorFlags = flags_for(("color", "render"), ("unwrap",))
     RunFlags = flags_for(
         ("render",), ("register", "points", "structure", "refine", "color", "unwrap")
@@ -170,6 +172,36 @@ def color(
 
 
 @app.command
+def refine(
+    folder: Folder,
+    /,
+    *,
+    flags: RefineFlags = None,
+    json: Json = False,
+    verbose: Verbose = False,
+) -> int:
+    """Bring all registered cameras to agree with each other on the surface.
+
+    Example: texproj refine statue
+    """
+    from texproj.stages.bench import Workbench  # noqa: PLC0415
+    from texproj.stages.refining import refine_project  # noqa: PLC0415
+
+    project = _open(folder, flags, verbose)
+    with Workbench(project) as bench, talk.progress_bars() as progress:
+        outcome = refine_project(bench, progress)
+    if json:
+        talk.say_json(vars(outcome))
+    else:
+        for name, moved in outcome.moved_px.items():
+            talk.say(f"{name}: moved by {moved:.2f} px")
+        for name, reason in outcome.thrown_out.items():
+            talk.say(f"{name}: FAILED: {reason}")
+    total = len(outcome.moved_px) + len(outcome.thrown_out)
+    return _exit_code(len(outcome.thrown_out), total, "refined")
+
+
+@app.command
 def run(
     folder: Folder,
     /,
@@ -190,10 +222,17 @@ def run(
         outcome = run_project(bench, progress)
     if json:
         color = vars(outcome.color) if outcome.color else None
+        refined = vars(outcome.refined) if outcome.refined else None
         photos = [_photo_json(o) for o in outcome.photos]
         report = [str(path) for path in outcome.report.files]
         talk.say_json(
-            {"photos": photos, "color": color, "report": report, "reason": outcome.reason}
+            {
+                "photos": photos,
+                "refine": refined,
+                "color": color,
+                "report": report,
+                "reason": outcome.reason,
+            }
         )
     else:
         for photo in outcome.photos:

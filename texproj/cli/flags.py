@@ -6,7 +6,7 @@ A flag that is not given leaves what project.toml says; that leaves the default 
 from __future__ import annotations
 
 from dataclasses import Field, asdict, field, fields, make_dataclass
-from typing import Annotated, Any, Optional, get_type_hints
+from typing import Annotated, Any, get_type_hints
 
 from cyclopts import Parameter
 from pydantic import TypeAdapter
@@ -27,7 +27,7 @@ def flags_for(flat: tuple[str, ...], nested: tuple[str, ...] = ()) -> Any:
     ]
     for section in nested:
         holder = _dataclass(f"{section.title()}Flags", _columns(section))
-        hint: Any = Annotated[Optional[holder], Parameter(name=section)]
+        hint: Any = Annotated[holder | None, Parameter(name=section)]
         columns.append((section, hint, field(default=None)))
     combined = _dataclass("Flags", columns)
     return Annotated[combined | None, Parameter(name="*")]

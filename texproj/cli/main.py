@@ -33,9 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _call(app: App, words: list[str]) -> int:
     try:
-        result = app(
-            words, exit_on_error=False, print_error=False, result_action="return_value"
-        )
+        result = app(words, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
         return _refuse(words, f"{error} (see `texproj {_command(words)}--help`)")
     except TexprojError as error:

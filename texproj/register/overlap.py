@@ -41,10 +41,9 @@ def shared_views(cameras: Sequence[Camera], render: Render) -> tuple[Array, Arra
     between their lines of sight there).
     """
     small = [_small(camera) for camera in cameras]
-    depths = [render(camera).depth for camera in small]
+    depths = [_depth(camera, render) for camera in small]
     share, angle_deg = np.zeros((len(small),) * 2), np.full((len(small),) * 2, 180.0)
     for i, camera in enumerate(small):
-        assert depths[i] is not None
         xyz = _surface_samples(camera, depths[i])
         for j, other in enumerate(small):
             if i == j or not len(xyz):
@@ -76,6 +75,12 @@ def choose_partners(share: Array, angle_deg: Array, count: int) -> list[tuple[in
 
 def _small(camera: Camera) -> Camera:
     return camera.scaled(min(1.0, SIGHT_PX / max(camera.width, camera.height)))
+
+
+def _depth(camera: Camera, render: Render) -> NDArray[np.float32]:
+    depth = render(camera).depth
+    assert depth is not None
+    return depth
 
 
 def _surface_samples(camera: Camera, depth: NDArray[np.float32]) -> Array:

@@ -61,7 +61,7 @@ class TieSearch:
         return len(self.ties) / max(self.sought, 1)
 
 
-def photo_view(camera: Camera, gray: Gray, images: GBuffer, mask: Gray | None) -> PhotoView:
+def photo_view(camera: Camera, gray: Gray, images: GBuffer, mask: NDArray[np.uint8] | None) -> PhotoView:
     """Bring a photo and its rendering together; mask: 0 = do not use."""
     assert images.depth is not None
     valid = np.isfinite(images.depth)
@@ -101,8 +101,8 @@ def corner_grid(gray: Gray, valid: NDArray[np.bool_]) -> Index:
     strength = cv2.cornerMinEigenVal(np.log(gray + np.float32(DARK)), PATCH_PX)
     strength = np.where(valid, strength, 0)
     h, w = (n // STEP_PX * STEP_PX for n in gray.shape)
-    cells = strength[:h, :w].reshape(h // STEP_PX, STEP_PX, w // STEP_PX, STEP_PX)
-    cells = cells.transpose(0, 2, 1, 3).reshape(h // STEP_PX, w // STEP_PX, -1)
+    squares = strength[:h, :w].reshape(h // STEP_PX, STEP_PX, w // STEP_PX, STEP_PX)
+    cells = squares.transpose(0, 2, 1, 3).reshape(h // STEP_PX, w // STEP_PX, -1)
     best, where = cells.max(axis=2), cells.argmax(axis=2)
     used = best > 0
     if not used.any():
@@ -133,9 +133,7 @@ def _warped(here: PhotoView, other: PhotoView) -> tuple[Gray, NDArray[np.bool_]]
     return np.where(shared, gray, here.gray), shared
 
 
-def _ties(
-    i: int, j: int, views: Lookup, at: tuple[Index, Index], found_px: Array
-) -> Ties:
+def _ties(i: int, j: int, views: Lookup, at: tuple[Index, Index], found_px: Array) -> Ties:
     """Ties for the surface under the pixels `at` (x, y) of photo i, seen there in truth at
     `found_px`. Surface that photo j sees at a grazing angle is left out.
     """

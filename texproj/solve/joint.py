@@ -130,7 +130,7 @@ class JointPoses:
         residual, jacobian = residual[known], jacobian[known]
         held = np.repeat(self.fixed, 6).astype(float)
         matrix = _scattered(jacobian, anchors.camera[known], count)
-        whole = sparse.vstack([matrix, sparse.diags(held)]).tocsr()
+        whole: sparse.csr_matrix = sparse.vstack([matrix, sparse.diags(held)], format="csr")
         return np.concatenate([residual.ravel(), np.zeros(6 * count)]), whole
 
     def _point_jacobian(self, camera: Camera, xyz: Array, rows: NDArray[np.bool_]) -> Array:

@@ -87,9 +87,7 @@ def start_of(entry: CameraRecord | None) -> CameraRecord | None:
     return record_of_entry({"file": entry.file, **start}, f"{entry.file}: {START_KEY}")
 
 
-def _register_one(
-    bench: Workbench, name: str, entries: dict[str, CameraRecord]
-) -> PhotoOutcome:
+def _register_one(bench: Workbench, name: str, entries: dict[str, CameraRecord]) -> PhotoOutcome:
     project = bench.project
     entry = entries.get(name)
     state = _freshness(project, name, entry)
@@ -263,4 +261,3 @@ def fit_quality(fit: Fit) -> dict[str, Any]:
             for n, r, ok in rows
         ]
     return quality
-

@@ -20,7 +20,6 @@ from texproj.report.pictures import (
     draw_picks,
     encoded,
     overlay,
-    viewpoints,
 )
 from texproj.stages.bench import Workbench
 from texproj.stages.coloring import STAGE as COLOR
@@ -115,7 +114,12 @@ def _photo_facts(project: Project, name: str, record: CameraRecord | None) -> di
 
 
 def _facts_of(
-    name: str, status: str, method: str | None, reason: str, quality: dict[str, Any], notes: list[str]
+    name: str,
+    status: str,
+    method: str | None,
+    reason: str,
+    quality: dict[str, Any],
+    notes: list[str],
 ) -> dict[str, Any]:
     return {
         "file": name,

@@ -10,7 +10,9 @@ from texproj.stages.bench import Workbench
 from texproj.stages.coloring import ColorOutcome, color_freshness, color_project
 from texproj.stages.freshness import Freshness
 from texproj.stages.progress import Progress, silent
+from texproj.stages.refining import RefineOutcome, refine_freshness, refine_project
 from texproj.stages.registering import (
+    START_KEY,
     PhotoOutcome,
     register_photos,
     registration_freshness,
@@ -23,6 +25,7 @@ class RunOutcome:
     """What each stage did. color is None where no photo could be registered; `reason` says so."""
 
     photos: list[PhotoOutcome]
+    refined: RefineOutcome | None
     color: ColorOutcome | None
     report: ReportOutcome
     reason: str = ""
@@ -31,20 +34,32 @@ class RunOutcome:
     def failed(self) -> dict[str, str]:
         """The photos that did not make it into the model, and why."""
         unregistered = {o.name: o.reason for o in self.photos if o.failed}
-        return {**unregistered, **(self.color.failed if self.color else {})}
+        thrown_out = self.refined.thrown_out if self.refined else {}
+        return {**unregistered, **thrown_out, **(self.color.failed if self.color else {})}
 
 
 def run_project(bench: Workbench, progress: Progress = silent) -> RunOutcome:
-    """Register, color and report what is stale. Raises InputError for an unusable project."""
+    """Register, refine, color and report what is stale. Raises InputError."""
     photos = register_photos(bench, progress=progress)
+    refined = refine_project(bench, progress, True) if _worth_refining(bench.project) else None
     try:
         color, reason = color_project(bench, progress), ""
     except InputError as error:
         color, reason = None, str(error)
     report = report_project(bench, progress)
-    return RunOutcome(photos, color, report, reason)
+    return RunOutcome(photos, refined, color, report, reason)
 
 
 def project_status(project: Project) -> list[Freshness]:
     """Each item of each stage: fresh, or stale and why. Raises InputError."""
-    return [*registration_freshness(project), color_freshness(project), report_freshness(project)]
+    refined = [refine_freshness(project)] if _worth_refining(project) else []
+    after = [color_freshness(project), report_freshness(project)]
+    return [*registration_freshness(project), *refined, *after]
+
+
+def _worth_refining(project: Project) -> bool:
+    """Whether the settings want it and there is a camera of our own beside another one."""
+    entries = project.load_cameras().values()
+    registered = [e for e in entries if e.registered_camera and e.file in project.photo_paths]
+    own = any(START_KEY in e.extra for e in registered)
+    return bool(project.settings.options("refine").enabled and own and len(registered) > 1)

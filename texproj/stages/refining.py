@@ -1,0 +1,181 @@
+"""Stage `refine`: all registered photos together, each anchored at its own registration."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from texproj.camera import Camera
+from texproj.errors import InputError
+from texproj.files import json_hash
+from texproj.formats.cameras import entry_of_record, record_of_entry
+from texproj.photo import Photo
+from texproj.project import Project
+from texproj.records import CameraRecord
+from texproj.register.refine import Refined, refine
+from texproj.stages.bench import Workbench
+from texproj.stages.freshness import Freshness, Inputs, changed_inputs, file_inputs, options_inputs
+from texproj.stages.progress import Progress, silent
+from texproj.stages.registering import START_KEY
+
+STAGE = "refine"
+VERSION = 1
+BEFORE_KEY = "before_refine"
+"""Key of a cameras.json entry under which the photo's own registration is kept."""
+UNKNOWN_ERROR_PERCENT = 0.1
+"""Expected error of a camera that does not tell its own, percent of the photo's longer side."""
+CHANNELS = ("depth", "normal")
+
+
+@dataclass(frozen=True, eq=False)
+class RefineOutcome:
+    """moved_px: how far the surface moved in each photo, full-size pixels; thrown_out: photos
+    that contradict the others, and why; kept: nothing had changed, so nothing was done.
+    """
+
+    moved_px: dict[str, float]
+    thrown_out: dict[str, str]
+    quality: dict[str, Any]
+    kept: bool
+
+
+def refine_project(
+    bench: Workbench, progress: Progress = silent, hold_imported: bool = False
+) -> RefineOutcome:
+    """Refine all registered cameras and write cameras.json.
+
+    hold_imported: cameras that texproj did not find do not move; the others follow them. Raises
+    InputError if fewer than two photos are registered.
+    """
+    project = bench.project
+    known = project.load_record(STAGE)
+    if known is not None and refine_freshness(project).fresh:
+        return RefineOutcome(known["moved_px"], known["thrown_out"], known["quality"], True)
+    entries = project.load_cameras()
+    before = {n: r for n, e in entries.items() if (r := _usable(project, n, e)) is not None}
+    if len(before) < 2:
+        raise InputError(f"{project.root} has fewer than two registered photos to refine together")
+    progress(STAGE, 0, 1, "")
+    names = list(before)
+    fixed = [hold_imported and START_KEY not in entries[n].extra for n in names]
+    refined = _refine(bench, before, fixed)
+    after = _records(names, before, refined)
+    project.save_cameras(after)
+    outcome = _outcome(names, refined)
+    project.save_record(STAGE, None, _record(project, before, after, outcome))
+    project.save_hashes()
+    progress(STAGE, 1, 1, "")
+    return outcome
+
+
+def refine_freshness(project: Project) -> Freshness:
+    """Whether the cameras agree as well as they can."""
+    record = project.load_record(STAGE)
+    reason = changed_inputs(record, _inputs(project, record or {}))
+    return Freshness(STAGE, "all photos", not reason, reason)
+
+
+def _usable(project: Project, name: str, entry: CameraRecord) -> CameraRecord | None:
+    """The entry as registration left it; None if it cannot take part."""
+    if name not in project.photo_paths:
+        return None
+    if BEFORE_KEY in entry.extra:
+        entry = record_of_entry(entry.extra[BEFORE_KEY], f"{name}: {BEFORE_KEY}")
+    return entry if entry.registered_camera is not None else None
+
+
+def _refine(bench: Workbench, before: Mapping[str, CameraRecord], fixed: list[bool]) -> Refined:
+    project = bench.project
+    names = list(before)
+    cameras = [_camera(record) for record in before.values()]
+    sigma = [_expected_error_px(record) for record in before.values()]
+
+    def load(number: int, longest: int) -> Photo:
+        return project.load_photo(names[number], longest)
+
+    options = project.settings.options("refine")
+    return refine(
+        cameras, sigma, fixed, load, lambda c: bench.plain_scene.gbuffer(c, CHANNELS), options
+    )
+
+
+def _camera(record: CameraRecord) -> Camera:
+    assert record.camera is not None
+    return record.camera
+
+
+def _expected_error_px(record: CameraRecord) -> float:
+    unknown = UNKNOWN_ERROR_PERCENT / 100 * max(record.width, record.height)
+    return float(record.quality.get("expected_error_px") or unknown)
+
+
+def _records(
+    names: list[str], before: Mapping[str, CameraRecord], refined: Refined
+) -> list[CameraRecord]:
+    """The new entries: moved, thrown out, or as they were where nothing could be said."""
+    out = []
+    for k, name in enumerate(names):
+        record = before[name]
+        extra = {**record.extra, BEFORE_KEY: entry_of_record(record)}
+        if k in refined.thrown_out:
+            quality = {**record.quality, "reason": refined.thrown_out[k]}
+            record = replace(record, pose=None, status="failed", quality=quality, extra=extra)
+        elif k in refined.tied:
+            quality = {
+                **record.quality,
+                "expected_error_px": round(float(refined.expected_error_px[k]), 3),
+                "moved_px": round(float(refined.motion_px[k]), 3),
+            }
+            pose = refined.cameras[k].pose
+            record = replace(record, pose=pose, quality=quality, extra=extra)
+        out.append(record)
+    return out
+
+
+def _outcome(names: list[str], refined: Refined) -> RefineOutcome:
+    moved = {
+        names[k]: round(float(refined.motion_px[k]), 3)
+        for k in refined.tied
+        if np.isfinite(refined.motion_px[k])
+    }
+    thrown_out = {names[k]: reason for k, reason in refined.thrown_out.items()}
+    return RefineOutcome(moved, thrown_out, refined.quality, False)
+
+
+def _record(
+    project: Project,
+    before: Mapping[str, CameraRecord],
+    after: list[CameraRecord],
+    outcome: RefineOutcome,
+) -> dict[str, Any]:
+    record = {
+        "before": {name: json_hash(entry_of_record(entry)) for name, entry in before.items()},
+        "after": {entry.file: json_hash(entry_of_record(entry)) for entry in after},
+        "moved_px": outcome.moved_px,
+        "thrown_out": outcome.thrown_out,
+        "quality": outcome.quality,
+    }
+    return {"inputs": _inputs(project, record), **record}
+
+
+def _inputs(project: Project, record: Mapping[str, Any]) -> Inputs:
+    inputs = options_inputs(project, VERSION, "refine", "render")
+    inputs |= file_inputs(project, mesh=project.mesh_path)
+    for name, entry in project.load_cameras().items():
+        if name not in project.photo_paths or entry.status == "prior":
+            continue
+        files = {name: project.photo_path(name), f"mask of {name}": project.mask_path(name)}
+        inputs |= file_inputs(project, **files)
+        inputs[f"registration of {name}"] = _registration(entry, name, record)
+    return inputs
+
+
+def _registration(entry: CameraRecord, name: str, record: Mapping[str, Any]) -> str:
+    """Hash of the photo's own registration, also where the entry is already the refined one."""
+    current = json_hash(entry_of_record(entry))
+    if record.get("after", {}).get(name) == current:
+        return str(record["before"][name])
+    return current
