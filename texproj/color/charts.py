@@ -1,33 +1,24 @@
-"""Lay regions of a surface out flat: one plane for each chart."""
+"""Charts: connected regions of a surface laid flat, one plane for each."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from texproj.color.segmentation import (
-    DualGraph,
-    Floats,
-    Ints,
-    connected,
-    grow_regions,
-    smoothed_normals,
-    sum_by_label,
-)
+from texproj.color.segmentation import DualGraph, Floats, Ints, connected, sum_by_label
 from texproj.mesh import Mesh, face_cross
-from texproj.options import UnwrapOptions
 
 TURNS = 18  # directions tried for the smallest bounding box, over a quarter turn
 
 
 @dataclass(frozen=True, eq=False)
 class Charts:
-    """Charts laid flat, each about its own origin, in mesh units.
+    """Charts laid flat, in mesh units or texels.
 
-    uv: (W, 2) float64; faces: (F, 3) int64 rows of uv; vertex_of_uv, chart_of_uv: (W,) int64,
-    chart_of_uv ascending; chart_of_face: (F,) int64; count: number of charts.
+    uv: (W, 2) float64; faces: (n, 3) int64 rows of uv; vertex_of_uv, chart_of_uv: (W,) int64,
+    chart_of_uv ascending; chart_of_face: (n,) int64; face_of_mesh: (n,) int64, which face of the
+    mesh each is; count: number of charts.
     """
 
     uv: Floats
@@ -35,6 +26,7 @@ class Charts:
     vertex_of_uv: Ints
     chart_of_uv: Ints
     chart_of_face: Ints
+    face_of_mesh: Ints
     count: int
 
     @property
@@ -42,96 +34,107 @@ class Charts:
         """(count,) first row of uv of each chart."""
         return np.searchsorted(self.chart_of_uv, np.arange(self.count))
 
+    def with_uv(self, uv: Floats) -> Charts:
+        """The same charts at other places."""
+        return replace(self, uv=uv)
 
-def flat_regions(mesh: Mesh, graph: DualGraph, options: UnwrapOptions) -> Ints:
-    """(F,) int64 labels of connected regions, each projected by its mean normal without a face
-    steeper than options.steepest_deg or turned over.
 
-    Faces that are too steep for their region are cut off and form regions among themselves.
+def project(mesh: Mesh, face_of_mesh: Ints, labels: Ints) -> Charts:
+    """The given faces, projected region by region along the mean normal of the region.
+
+    labels: (n,) int64, 0..count-1, each in use.
     """
-    normals = 0.5 * face_cross(mesh.vertices, mesh.faces)
-    smooth = smoothed_normals(normals, graph)
-    labels = grow_regions(smooth, graph.pairs, graph.lengths, options.flatness)
-    for _ in range(12):
-        steep = _too_steep(normals, labels, options.steepest_deg)
-        if not steep.any():
-            return connected(labels, graph)
-        labels = _cut_off(labels, steep, normals, graph, options.flatness)
-    steep = _too_steep(normals, labels, options.steepest_deg)
-    labels[steep] = labels.max() + 1 + np.arange(np.count_nonzero(steep))
-    return connected(labels, graph)
+    count = int(labels.max()) + 1
+    corners = mesh.faces[face_of_mesh].astype(np.int64)
+    chart, vertex, faces = _own_rows(labels, corners, len(mesh.vertices))
+    normals = face_cross(mesh.vertices, mesh.faces[face_of_mesh])
+    axes = plane_axes(sum_by_label(normals, labels, count))
+    origin = np.searchsorted(chart, np.arange(count))
+    xyz = mesh.vertices[vertex] - mesh.vertices[vertex[origin]][chart]
+    uv = np.einsum("ijk,ik->ij", axes[chart, :2], xyz)
+    return Charts(uv, faces, vertex, chart, labels, face_of_mesh, count)
 
 
-def lay_flat(mesh: Mesh, chart_of_face: Ints) -> Charts:
-    """Every chart projected along its mean normal, turned to its smallest bounding box."""
-    count = int(chart_of_face.max()) + 1
-    vertices = len(mesh.vertices)
-    key = np.repeat(chart_of_face, 3) * vertices + mesh.faces.ravel()
-    unique, corner = np.unique(key, return_inverse=True)
-    chart, vertex = unique // vertices, unique % vertices
-    axes = _plane_axes(sum_by_label(face_cross(mesh.vertices, mesh.faces), chart_of_face, count))
-    xyz = mesh.vertices[vertex] - mesh.center
-    uv = np.einsum("ijk,ik->ij", axes[chart], xyz)
-    charts = Charts(uv, corner.reshape(-1, 3), vertex, chart, chart_of_face, count)
-    return _turned(charts)
+def select(charts: Charts, rows: Ints, graph: DualGraph) -> Charts:
+    """The charts of some faces only, at the same places; parts without a common edge become
+    charts of their own. graph: of the faces of `charts`.
+    """
+    labels = connected(charts.chart_of_face[rows], graph.restricted(rows))
+    chart, old, faces = _own_rows(labels, charts.faces[rows], len(charts.uv))
+    return Charts(
+        uv=charts.uv[old],
+        faces=faces,
+        vertex_of_uv=charts.vertex_of_uv[old],
+        chart_of_uv=chart,
+        chart_of_face=labels,
+        face_of_mesh=charts.face_of_mesh[rows],
+        count=int(labels.max(initial=-1)) + 1,
+    )
 
 
-def _too_steep(normals: Floats, labels: Ints, steepest_deg: float) -> NDArray[np.bool_]:
-    total = sum_by_label(normals, labels, int(labels.max()) + 1)
-    axis = total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300)
-    along = np.einsum("ij,ij->i", normals, axis[labels])
-    return along < np.cos(np.radians(steepest_deg)) * np.linalg.norm(normals, axis=1)
+def join(parts: list[Charts]) -> Charts:
+    """All charts in one, faces in the order of the mesh; the parts hold each face once."""
+    first_row = np.cumsum([0] + [len(p.uv) for p in parts])
+    first_chart = np.cumsum([0] + [p.count for p in parts])
+    order = np.argsort(np.concatenate([p.face_of_mesh for p in parts]))
+    faces = np.concatenate([p.faces + n for p, n in zip(parts, first_row, strict=False)])
+    of_uv = [p.chart_of_uv + n for p, n in zip(parts, first_chart, strict=False)]
+    of_face = [p.chart_of_face + n for p, n in zip(parts, first_chart, strict=False)]
+    return Charts(
+        uv=np.concatenate([p.uv for p in parts]),
+        faces=faces[order],
+        vertex_of_uv=np.concatenate([p.vertex_of_uv for p in parts]),
+        chart_of_uv=np.concatenate(of_uv),
+        chart_of_face=np.concatenate(of_face)[order],
+        face_of_mesh=np.arange(len(order)),
+        count=int(first_chart[-1]),
+    )
 
 
-def _cut_off(
-    labels: Ints, steep: NDArray[np.bool_], normals: Floats, graph: DualGraph, flatness: float
-) -> Ints:
-    rows = np.flatnonzero(steep)
-    row_of_face = np.cumsum(steep) - 1
-    both = steep[graph.pairs].all(axis=1)
-    pairs = row_of_face[graph.pairs[both]]
-    labels = labels.copy()
-    grown = grow_regions(normals[rows], pairs, graph.lengths[both], flatness)
-    labels[rows] = labels.max() + 1 + grown
-    return np.unique(labels, return_inverse=True)[1]
-
-
-def _plane_axes(normals: Floats) -> Floats:
-    """(n, 2, 3) right-handed axes of the planes across (n, 3) normals: x cross y = normal."""
-    axis = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    helper = np.eye(3)[np.abs(axis).argmin(axis=1)]
-    x = np.cross(helper, axis)
-    x /= np.linalg.norm(x, axis=1, keepdims=True)
-    return np.stack([x, np.cross(axis, x)], axis=1)
-
-
-def _turned(charts: Charts) -> Charts:
+def upright(charts: Charts) -> Charts:
     """The charts turned to their smallest bounding boxes, lower left corners at the origin."""
     angles = np.arange(TURNS) * (np.pi / 2 / TURNS)
-    size = np.stack(
-        [np.prod(extents(_turn(charts, angle), charts.starts)[1], 1) for angle in angles]
-    )
-    best = angles[size.argmin(axis=0)][charts.chart_of_uv]
-    uv = _turn(charts, best)
+    border = np.unique(border_edges(charts))
+    starts = np.searchsorted(charts.chart_of_uv[border], np.arange(charts.count))
+    sizes = [extents(_turn(charts.uv[border], a), starts)[1].prod(axis=1) for a in angles]
+    best = angles[np.argmin(sizes, axis=0)]
+    uv = _turn(charts.uv, best[charts.chart_of_uv])
     low, _ = extents(uv, charts.starts)
-    uv = uv - low[charts.chart_of_uv]
-    return Charts(
-        uv,
-        charts.faces,
-        charts.vertex_of_uv,
-        charts.chart_of_uv,
-        charts.chart_of_face,
-        charts.count,
-    )
+    return charts.with_uv(uv - low[charts.chart_of_uv])
 
 
-def _turn(charts: Charts, angle: float | Floats) -> Floats:
-    c, s = np.cos(angle), np.sin(angle)
-    x, y = charts.uv.T
-    return np.stack([c * x - s * y, s * x + c * y], axis=1)
+def border_edges(charts: Charts) -> Ints:
+    """(B, 2) rows of uv: the edges with one face, in the direction of that face."""
+    start = charts.faces.ravel()
+    end = np.roll(charts.faces, -1, axis=1).ravel()
+    key = np.minimum(start, end) * len(charts.uv) + np.maximum(start, end)
+    order = np.argsort(key, kind="stable")
+    first = np.flatnonzero(np.diff(key[order], prepend=-1))
+    once = order[first[np.diff(first, append=len(order)) == 1]]
+    return np.stack([start[once], end[once]], axis=1)
 
 
 def extents(uv: Floats, starts: Ints) -> tuple[Floats, Floats]:
     """(n, 2) lower corner and (n, 2) size of each run of rows of uv (W, 2)."""
     low = np.minimum.reduceat(uv, starts)
     return low, np.maximum.reduceat(uv, starts) - low
+
+
+def plane_axes(normals: Floats) -> Floats:
+    """(n, 3, 3) right-handed axes x, y, z (rows) with z along each of (n, 3) normals."""
+    z = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    x = np.cross(np.eye(3)[np.abs(z).argmin(axis=1)], z)
+    x /= np.maximum(np.linalg.norm(x, axis=1, keepdims=True), 1e-300)
+    return np.stack([x, np.cross(z, x), z], axis=1)
+
+
+def _own_rows(labels: Ints, corners: Ints, count: int) -> tuple[Ints, Ints, Ints]:
+    """One row for each corner (< count) of each chart: its chart, its corner, faces into rows."""
+    key = np.repeat(labels, 3) * count + corners.ravel()
+    unique, rows = np.unique(key, return_inverse=True)
+    return unique // count, unique % count, rows.reshape(-1, 3)
+
+
+def _turn(uv: Floats, angle_rad: Floats) -> Floats:
+    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    return np.stack([c * uv[:, 0] - s * uv[:, 1], s * uv[:, 0] + c * uv[:, 1]], axis=1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xatlas
@@ -12,6 +12,7 @@ from texproj.color.charts import Charts, extents
 from texproj.color.segmentation import Floats, Ints
 from texproj.errors import RenderError
 
+SMALL_PX, TRAY_PX = 32.0, 256  # longest chart that goes on a tray, side of a tray
 NARROW_CELLS = 2.0  # charts narrower than this are packed as rectangles
 SMALLEST_FACE = 1e-5  # square cells; xatlas leaves out faces below FLT_EPSILON and their charts
 
@@ -35,14 +36,15 @@ def pack(charts: Charts, padding_px: int, page_size: int) -> Placement:
     """
     cell = max(1, padding_px // 2)
     gap = -(-padding_px // cell)
-    size = extents(charts.uv, charts.starts)[1] / cell
-    boxed = size.min(axis=1) < NARROW_CELLS
+    trays, rows, boxed = _on_trays(charts, padding_px, page_size)
+    boxed |= extents(trays.uv, trays.starts)[1].min(axis=1) < NARROW_CELLS * cell
     for _ in range(5):
-        proxy = _proxy(charts, cell, boxed)
+        proxy = _proxy(trays, cell, boxed)
         placed = _run(proxy, gap, page_size // cell)
-        uv, page, failed = _transfer(charts, cell, proxy, placed)
+        uv, page, failed = _transfer(trays, cell, proxy, placed)
         if not failed.any():
-            return _finish(charts, uv * cell, page, gap * cell // 2)
+            page_of_uv = page[trays.chart_of_uv]
+            return _finish(charts, (uv * cell)[rows], page_of_uv[rows], gap * cell // 2)
         boxed |= failed
     raise RenderError("xatlas could not place all charts: lower the texture resolution")
 
@@ -137,11 +139,58 @@ def _transfer(
     return uv, placed.page[starts], (error > 0.01) | (growth > 1.001)
 
 
-def _finish(charts: Charts, uv: Floats, page_of_chart: Ints, border: int) -> Placement:
-    page = page_of_chart[charts.chart_of_uv]
+def _finish(charts: Charts, uv: Floats, page_of_uv: Ints, border: int) -> Placement:
     uv = uv + border
     sizes = []
-    for number in range(int(page.max()) + 1):
-        width, height = np.ceil(uv[page == number].max(axis=0)).astype(int) + border
+    for number in range(int(page_of_uv.max()) + 1):
+        width, height = np.ceil(uv[page_of_uv == number].max(axis=0)).astype(int) + border
         sizes.append((int(width), int(height)))
-    return Placement(uv, page_of_chart, tuple(sizes))
+    return Placement(uv, page_of_uv[charts.starts], tuple(sizes))
+
+
+def _on_trays(
+    charts: Charts, padding_px: int, page_size: int
+) -> tuple[Charts, Ints, NDArray[np.bool_]]:
+    """Small charts laid on common trays, which then count as one chart each.
+
+    xatlas tries positions at random, which takes long for thousands of specks. Returns the
+    charts and trays, the row in them of each row of charts.uv, and which are trays.
+    """
+    size = extents(charts.uv, charts.starts)[1]
+    small = np.flatnonzero(size.max(axis=1) <= min(SMALL_PX, page_size / 8))
+    tray, corner = _shelves(size[small] + padding_px, min(TRAY_PX, page_size // 2))
+    own = np.delete(np.arange(charts.count), small)
+    bundle = np.empty(charts.count, np.int64)
+    bundle[own] = np.arange(len(own))
+    bundle[small] = len(own) + tray
+    count = len(own) + int(tray.max(initial=-1)) + 1
+    offset = np.zeros((charts.count, 2))
+    offset[small] = corner
+    of_uv = bundle[charts.chart_of_uv]
+    order = np.argsort(of_uv, kind="stable")
+    rows = np.argsort(order)
+    moved = replace(
+        charts,
+        uv=(charts.uv + offset[charts.chart_of_uv])[order],
+        faces=rows[charts.faces],
+        vertex_of_uv=charts.vertex_of_uv[order],
+        chart_of_uv=of_uv[order],
+        chart_of_face=bundle[charts.chart_of_face],
+        count=count,
+    )
+    return moved, rows, np.arange(count) >= len(own)
+
+
+def _shelves(size: Floats, side: float) -> tuple[Ints, Floats]:
+    """(n,) tray and (n, 2) corner of rectangles in rows on square trays, tallest first."""
+    tray = np.zeros(len(size), np.int64)
+    corner = np.zeros((len(size), 2))
+    number, x, y, height = 0, 0.0, 0.0, 0.0
+    for i in np.argsort(-size[:, 1], kind="stable"):
+        if x + size[i, 0] > side:
+            x, y, height = 0.0, y + height, 0.0
+        if y + size[i, 1] > side:
+            number, x, y, height = number + 1, 0.0, 0.0, 0.0
+        tray[i], corner[i] = number, (x, y)
+        x, height = x + size[i, 0], max(height, size[i, 1])
+    return tray, corner

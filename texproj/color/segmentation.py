@@ -15,6 +15,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 SMOOTHING_ROUNDS = 3
+SMALL = 0.1  # of the area of the region joined
 COMPACTNESS = 1e-3  # prefers small regions and long borders where the flatness does not decide
 
 
@@ -22,19 +23,26 @@ COMPACTNESS = 1e-3  # prefers small regions and long borders where the flatness 
 class DualGraph:
     """Faces that share an edge.
 
-    pairs: (E, 2) int64 faces; lengths: (E,) of the shared edges, mesh units; corners: (E, 2)
-    int64 vertices of the edge. Only edges with exactly two faces that run through it in opposite
-    directions count: at others (borders, three sheets in one edge, a Moebius strip's seam) the
-    surface ends.
+    pairs: (E, 2) int64 faces; lengths: (E,) of the shared edges, mesh units. Only edges with
+    exactly two faces that run through it in opposite directions count: at others (borders,
+    three sheets in one edge, a Moebius strip's seam) the surface ends.
     """
 
     pairs: Ints
     lengths: Floats
-    corners: Ints
 
     def within(self, labels: Ints) -> NDArray[np.bool_]:
         """(E,) whether both faces have the same label."""
         return labels[self.pairs[:, 0]] == labels[self.pairs[:, 1]]
+
+    def restricted(self, rows: Ints) -> DualGraph:
+        """The graph of some faces only, renumbered in the given order."""
+        count = max(int(self.pairs.max(initial=-1)), int(rows.max(initial=-1))) + 1
+        number = np.full(count, -1)
+        number[rows] = np.arange(len(rows))
+        pairs = number[self.pairs]
+        kept = (pairs >= 0).all(axis=1)
+        return DualGraph(pairs[kept], self.lengths[kept])
 
 
 def dual_graph(mesh: Mesh) -> DualGraph:
@@ -49,10 +57,8 @@ def dual_graph(mesh: Mesh) -> DualGraph:
     one, two = order[twice], order[twice + 1]
     opposite = start[one] == end[two]
     one, two = one[opposite], two[opposite]
-    corners = np.stack([start[one], end[one]], axis=1)
-    ends = mesh.vertices[corners]
-    lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
-    return DualGraph(np.stack([one // 3, two // 3], axis=1), lengths, corners)
+    lengths = np.linalg.norm(mesh.vertices[start[one]] - mesh.vertices[end[one]], axis=1)
+    return DualGraph(np.stack([one // 3, two // 3], axis=1), lengths)
 
 
 def smoothed_normals(area_normals: Floats, graph: DualGraph) -> Floats:
@@ -85,8 +91,8 @@ def grow_regions(normals: Floats, pairs: Ints, lengths: Floats, flatness: float)
     while len(borders.lengths):
         cost, allowed = regions.merge_cost(borders, flatness)
         borders = borders.keep(allowed)
-        winners = _mutual_best(borders.pairs, cost[allowed], len(regions.area))
-        into = _relabel(borders.pairs[winners], len(regions.area))
+        target = _best_neighbor(borders.pairs, cost[allowed], len(regions.area))
+        into = _joined(target, regions.area)
         labels = into[labels]
         regions = regions.merged(into)
         borders = _merge_parallel(into[borders.pairs], borders.lengths, len(regions.area))
@@ -151,23 +157,34 @@ def _merge_parallel(pairs: Ints, lengths: Floats, count: int) -> _Borders:
     return _Borders(np.stack([key[first] // count, key[first] % count], axis=1), total)
 
 
-def _mutual_best(pairs: Ints, cost: Floats, count: int) -> Ints:
-    """Rows that are the cheapest of both their regions; equal costs are decided by a hash."""
+def _best_neighbor(pairs: Ints, cost: Floats, count: int) -> Ints:
+    """(count,) the cheapest neighbor of each region, itself where it has none; a hash decides
+    between equal costs.
+    """
     best = np.full(count, np.inf)
     for side in pairs.T:
         np.minimum.at(best, side, cost)
-    rows = np.flatnonzero((cost <= best[pairs].T).all(axis=0))
-    ticket = rows * 2654435761 % 2**32
+    ticket = np.arange(len(pairs)) * 2654435761 % 2**32
     first = np.full(count, 2**32)
-    for side in pairs[rows].T:
-        np.minimum.at(first, side, ticket)
-    return rows[(ticket == first[pairs[rows]].T).all(axis=0)]
+    for side in pairs.T:
+        rows = np.flatnonzero(cost <= best[side])
+        np.minimum.at(first, side[rows], ticket[rows])
+    target = np.arange(count)
+    for side, other in (pairs.T, pairs.T[::-1]):
+        rows = np.flatnonzero((cost <= best[side]) & (ticket == first[side]))
+        target[side[rows]] = other[rows]
+    return target
 
 
-def _relabel(merging: Ints, count: int) -> Ints:
-    """(count,) int64 new labels 0..n-1 after the second of each pair joined the first."""
-    into = np.arange(count)
-    into[merging[:, 1]] = merging[:, 0]
-    kept = np.ones(count, bool)
-    kept[merging[:, 1]] = False
+def _joined(target: Ints, area: Floats) -> Ints:
+    """(n,) labels 0..m-1 after regions that chose each other merged, and small ones joined the
+    large region of their choice.
+    """
+    own = np.arange(len(target))
+    mutual = (target[target] == own) & (target != own)
+    small = ~mutual & (area <= SMALL * area[target]) & (target != own)
+    into = np.where(mutual, np.minimum(own, target), own)
+    joins = small & ~small[target]
+    into[joins] = into[target[joins]]
+    kept = into == own
     return (np.cumsum(kept) - 1)[into]

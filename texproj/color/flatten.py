@@ -1,0 +1,169 @@
+"""From a mesh to charts without folds, overlaps or faces that are stretched too much."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.color.charts import Charts, border_edges, join, plane_axes, project, select
+from texproj.color.distortion import signed_areas, stretch
+from texproj.color.layers import doubled
+from texproj.color.segmentation import (
+    DualGraph,
+    Floats,
+    Ints,
+    connected,
+    dual_graph,
+    grow_regions,
+    smoothed_normals,
+    sum_by_label,
+)
+from texproj.mesh import Mesh, face_areas, face_cross
+from texproj.options import UnwrapOptions
+
+Bools = NDArray[np.bool_]
+
+SWAPS = 4  # rounds in which steep faces at a border may change to the neighbor
+RELAXATIONS = 4  # rounds in which corners of folded faces move between their neighbors
+PEELS = 6  # rounds in which overlaps are peeled from their borders before a chart is halved
+MOST_ROUNDS = 40  # then every face left becomes a chart
+
+
+def flatten(mesh: Mesh, density: Floats, options: UnwrapOptions) -> tuple[Charts, int]:
+    """Charts of all faces, in mesh units, and how many had to be cut for overlaps.
+
+    density: (F,) texels per mesh unit: overlaps are looked for in steps of half a texel.
+    Every region is projected along its mean normal; corners of folded faces are moved between
+    their neighbors; what is still folded, steeper than options.steepest_deg or covered twice is
+    cut off and forms regions among itself.
+    """
+    graph = dual_graph(mesh)
+    labels = _regions(mesh, graph, options)
+    area = face_areas(mesh)
+    faces = np.arange(len(mesh.faces))
+    finished, overlaps = [], 0
+    for number in range(MOST_ROUNDS):
+        charts, bad = _unfolded(mesh, project(mesh, faces, labels), options)
+        at_border, layered = doubled(charts, _row_height(charts, area, density))
+        bad |= at_border
+        again = bad | layered[charts.chart_of_face]
+        finished.append(select(charts, np.flatnonzero(~again), graph))
+        if not again.any():
+            break
+        overlaps += int(np.count_nonzero(layered))
+        if number >= PEELS:
+            labels = _halved(mesh, charts, layered)
+        rows = np.flatnonzero(again)
+        graph, faces = graph.restricted(rows), faces[rows]
+        labels = _cut_off(mesh, faces, labels[rows], bad[rows], graph, options)
+    else:
+        finished.append(project(mesh, faces, np.arange(len(faces))))
+    return join(finished), overlaps
+
+
+def _regions(mesh: Mesh, graph: DualGraph, options: UnwrapOptions) -> Ints:
+    """(F,) connected regions of the smoothed surface, steep faces at their borders moved to
+    the neighbor where they are less steep.
+    """
+    normals = 0.5 * face_cross(mesh.vertices, mesh.faces)
+    smooth = smoothed_normals(normals, graph)
+    labels = grow_regions(smooth, graph.pairs, graph.lengths, options.flatness)
+    limit = np.cos(np.radians(options.steepest_deg))
+    axes = plane_axes(sum_by_label(normals, labels, int(labels.max()) + 1))[:, 2]
+    area = np.linalg.norm(normals, axis=1)
+    both = np.concatenate([graph.pairs, graph.pairs[:, ::-1]])
+    for _ in range(SWAPS):
+        steep = np.einsum("ij,ij->i", normals, axes[labels]) < limit * area
+        pairs = both[steep[both[:, 0]]]
+        there = labels[pairs[:, 1]]
+        cosine = np.einsum("ij,ij->i", normals[pairs[:, 0]], axes[there]) / area[pairs[:, 0]]
+        order = np.argsort(cosine)
+        order = order[cosine[order] > limit]
+        labels[pairs[order, 0]] = there[order]
+    return connected(labels, graph)
+
+
+def _unfolded(mesh: Mesh, charts: Charts, options: UnwrapOptions) -> tuple[Charts, Bools]:
+    """The charts with the inner corners of folded faces moved to the middle of their neighbors,
+    and (n,) the faces that are still folded.
+
+    Removes the folds that noise makes in a flat region, where cutting would shatter it.
+    """
+    every = np.arange(len(charts.faces))
+    bad = _folded(mesh, charts, every, options)
+    free = np.ones(len(charts.uv), bool)
+    free[border_edges(charts)] = False
+    for _ in range(RELAXATIONS):
+        moving = np.zeros(len(charts.uv), bool)
+        moving[charts.faces[bad]] = True
+        moving &= free
+        if not moving.any():
+            break
+        touched = np.flatnonzero(moving[charts.faces].any(axis=1))
+        charts = charts.with_uv(_averaged(charts.uv, charts.faces[touched], moving))
+        bad[touched] = _folded(mesh, charts, touched, options)
+    return charts, bad
+
+
+def _averaged(old: Floats, faces: Ints, moving: Bools) -> Floats:
+    """uv with the moving rows at the mean of their neighbors; faces: all that touch them."""
+    others = old[faces].sum(axis=1, keepdims=True) - old[faces]
+    rows, where = np.unique(faces, return_inverse=True)
+    sums = sum_by_label(others.reshape(-1, 2), where.ravel(), len(rows))
+    counts = 2 * np.bincount(where.ravel(), minlength=len(rows))
+    uv = old.copy()
+    kept = moving[rows]
+    uv[rows[kept]] = (sums / counts[:, None])[kept]
+    return uv
+
+
+def _folded(mesh: Mesh, charts: Charts, rows: Ints, options: UnwrapOptions) -> Bools:
+    """(k,) of the faces in rows, those turned over, or stretched like a face at the steepest
+    angle allowed.
+    """
+    limit = np.cos(np.radians(options.steepest_deg))
+    corners = mesh.vertices[mesh.faces[charts.face_of_mesh[rows]]]
+    area = signed_areas(charts.uv, charts.faces[rows])
+    ratio = stretch(corners, charts.uv[charts.faces[rows]])
+    true_area = (
+        np.linalg.norm(
+            np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+        )
+        / 2
+    )
+    return (area < limit * true_area) | (ratio * limit > 1)
+
+
+def _row_height(charts: Charts, area: Floats, density: Floats) -> Floats:
+    """(count,) half a texel of each chart, mesh units."""
+    faces = charts.face_of_mesh
+    total = np.bincount(charts.chart_of_face, area[faces], charts.count)
+    texels = np.bincount(charts.chart_of_face, (area * density)[faces], charts.count)
+    return 0.5 * total / np.maximum(texels, 1e-300)
+
+
+def _cut_off(
+    mesh: Mesh, faces: Ints, labels: Ints, bad: Bools, graph: DualGraph, options: UnwrapOptions
+) -> Ints:
+    """(n,) connected labels in which the bad faces are regions of their own."""
+    rows = np.flatnonzero(bad)
+    inner = graph.restricted(rows)
+    normals = 0.5 * face_cross(mesh.vertices, mesh.faces[faces[rows]])
+    labels = labels.copy()
+    grown = grow_regions(normals, inner.pairs, inner.lengths, options.flatness)
+    labels[rows] = labels.max() + 1 + grown
+    return connected(labels, graph)
+
+
+def _halved(mesh: Mesh, charts: Charts, layered: Bools) -> Ints:
+    """(n,) labels in which each layered chart is cut at half its height above its plane."""
+    corners = mesh.vertices[mesh.faces[charts.face_of_mesh]]
+    normals = face_cross(mesh.vertices, mesh.faces[charts.face_of_mesh])
+    axes = plane_axes(sum_by_label(normals, charts.chart_of_face, charts.count))[:, 2]
+    height = np.einsum("ij,ij->i", corners.mean(axis=1), axes[charts.chart_of_face])
+    low = np.full(charts.count, np.inf)
+    high = np.full(charts.count, -np.inf)
+    np.minimum.at(low, charts.chart_of_face, height)
+    np.maximum.at(high, charts.chart_of_face, height)
+    upper = (height > 0.5 * (low + high)[charts.chart_of_face]) & layered[charts.chart_of_face]
+    return charts.chart_of_face + charts.count * upper

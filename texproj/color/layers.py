@@ -1,0 +1,54 @@
+"""Find where a chart covers itself.
+
+A chart without turned-over faces covers a point of the plane as often as its border winds around
+that point, so it is enough to walk along rows and count the crossings of the border.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.color.charts import Charts, border_edges, extents
+from texproj.color.segmentation import Floats, Ints
+
+MOST_ROWS = 8192  # per chart
+SHORTEST = 1e-3  # of a row's height: shorter overlaps are rounding
+
+
+def doubled(charts: Charts, row_height: Floats) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """(n,) faces on the border of what is covered twice; (count,) charts that cover themselves.
+
+    row_height: (count,) distance of the rows walked along, in the units of uv.
+    """
+    edges = border_edges(charts)
+    edge, row, x, sign = _crossings(charts, edges, row_height)
+    chart = charts.chart_of_uv[edges[edge, 0]]
+    order = np.lexsort((x, row, chart))
+    edge, x, chart = edge[order], x[order], chart[order]
+    winding = np.cumsum(sign[order])
+    length = np.diff(x, append=x[-1:])
+    twice = np.flatnonzero((winding > 1) & (length > SHORTEST * row_height[chart]))
+    touched = np.zeros(len(charts.uv), bool)
+    touched[edges[edge[twice]]] = True
+    touched[edges[edge[twice + 1]]] = True
+    own = np.zeros(charts.count, bool)
+    own[chart[twice]] = True
+    return touched[charts.faces].sum(axis=1) > 1, own
+
+
+def _crossings(charts: Charts, edges: Ints, row_height: Floats) -> tuple[Ints, Ints, Floats, Ints]:
+    """Each crossing of a border edge and the middle of a row: edge, row, x, +1 where the inside
+    begins (counter-clockwise borders run down there).
+    """
+    size = extents(charts.uv, charts.starts)[1]
+    height = np.maximum(np.maximum(row_height, size[:, 1] / MOST_ROWS), 1e-300)
+    y = charts.uv[edges, 1] / height[charts.chart_of_uv[edges]]
+    first = np.ceil(y.min(axis=1) - 0.5).astype(np.int64)
+    rows = np.ceil(y.max(axis=1) - 0.5).astype(np.int64) - first
+    edge = np.repeat(np.arange(len(edges)), rows)
+    row = first[edge] + np.arange(len(edge)) - np.repeat(np.cumsum(rows) - rows, rows)
+    begin, rise = y[edge, 0], y[edge, 1] - y[edge, 0]
+    t = (row + 0.5 - begin) / rise
+    x = charts.uv[edges, 0][edge]
+    return edge, row, x[:, 0] + t * (x[:, 1] - x[:, 0]), np.where(rise < 0, 1, -1)
