@@ -181,5 +181,5 @@ def _obj_faces(data: bytes, polygons: list[bytes]) -> Faces:
 def _numbers(text: bytes, dtype: type[np.generic]) -> NDArray[Any]:
     """All white-space separated numbers. Raises DeprecationWarning or ValueError for others."""
     with warnings.catch_warnings():
-        warnings.simplefilter("error", DeprecationWarning)
+        warnings.filterwarnings("error", "string or file could not be read", DeprecationWarning)
         return np.fromstring(text, dtype, sep=" ")

@@ -15,6 +15,8 @@ from texproj.errors import InputError
 from texproj.formats.photos.header import Header
 from texproj.formats.photos.icc import Values
 
+START_OF_SCAN, END_OF_IMAGE = 0xDA, b"\xff\xd9"
+
 
 @dataclass(frozen=True, eq=False)
 class Raster:
@@ -54,9 +56,22 @@ def _jpeg(data: bytes, header: Header, longest: int | None) -> Raster:
     reduced = {1: 0, 2: 16, 4: 32, 8: 64}[reduction(header, longest)]
     flags = cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION | reduced
     pixels = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
-    if pixels is None:
+    if pixels is None or not _ends(data):
         raise ValueError("its data end early")
     return Raster(pixels[..., :1] if header.channels == 1 else pixels)
+
+
+def _ends(data: bytes) -> bool:
+    """Whether the end marker of a JPEG follows its first scan.
+
+    The decoder fills a picture that breaks off with gray and says so on the terminal only. The
+    segments before the scan are skipped by their lengths: a thumbnail in them has an end too.
+    """
+    at = 2
+    while data[at : at + 1] == b"\xff" and data[at + 1] != START_OF_SCAN:
+        filler = data[at + 1] == 0xFF
+        at += 1 if filler else 2 + int.from_bytes(data[at + 2 : at + 4], "big")
+    return data.find(END_OF_IMAGE, at) >= 0
 
 
 def reduction(header: Header, longest: int | None) -> int:
@@ -113,14 +128,15 @@ def _full_range(pixels: NDArray[Any], bits: int) -> Values:
         raise ValueError(f"pixels of type {pixels.dtype}")
     full = np.iinfo(pixels.dtype).max
     if bits < pixels.dtype.itemsize * 8:
-        pixels = (pixels.astype(np.uint32) * full // (2**bits - 1)).astype(pixels.dtype)
+        top = 2**bits - 1
+        pixels = ((pixels.astype(np.uint32) * full + top // 2) // top).astype(pixels.dtype)
     return np.ascontiguousarray(pixels)
 
 
 def _tiff_colors(pixels: Values, photometric: str, colormap: NDArray[Any] | None) -> Raster:
     colors = {"MINISWHITE": 1, "MINISBLACK": 1, "RGB": 3, "YCBCR": 3, "SEPARATED": 4}
     if photometric == "PALETTE" and colormap is not None:
-        return Raster(np.moveaxis(colormap, 0, -1)[pixels[..., 0]])
+        return Raster(_palette(colormap)[pixels[..., 0]])
     count = colors.get(photometric, 0)
     if not count or pixels.shape[2] < count:
         raise ValueError(f"{pixels.shape[2]} channels of kind {photometric}")
@@ -130,3 +146,10 @@ def _tiff_colors(pixels: Values, photometric: str, colormap: NDArray[Any] | None
     if pixels.shape[2] == count + 1:
         alpha = pixels[..., count]
     return Raster(values, alpha)
+
+
+def _palette(colormap: NDArray[Any]) -> Values:
+    """(n, 3) colors of a (3, n) uint16 color map, as uint8 where it holds no more than that."""
+    high, low = colormap >> 8, colormap & 255
+    plain = ((low == 0) | (low == high)).all()
+    return (high.astype(np.uint8) if plain else colormap).T

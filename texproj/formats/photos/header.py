@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Mapping
+import struct
+import warnings
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -13,6 +15,8 @@ from typing import Any
 from texproj.errors import InputError
 from texproj.formats.photos.icc import adobe_rgb, usable
 from texproj.photo import PhotoInfo
+
+Tags = dict[int, Any]
 
 PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff")
 
@@ -102,19 +106,36 @@ def _pillow_header(path: Path, file: io.BufferedIOBase) -> Header:
         raise InputError(f"{path}: a {kind} image; convert it to jpg, png or tiff")
     channels = {"C": 4, "L": 1, "1": 1, "I": 1}.get(image.mode[0], 3)
     profile = image.info.get("icc_profile") or b""
-    return _header(kind, (*image.size, channels), profile, *_exif(image.getexif))
+    return _header(
+        kind, (*image.size, channels), profile, *_exif(lambda: _pillow_directories(image.getexif()))
+    )
 
 
 def _tiff_header(path: Path, file: io.BufferedIOBase) -> Header:
-    from PIL import Image  # noqa: PLC0415
-
-    exif = Image.Exif()
-    tags, photo = _exif(lambda: exif.load_from_fp(file, 0) or exif)
+    """By hand down to the tags: Pillow refuses many a TIFF for its pixels."""
+    tags, photo = _exif(lambda: _tiff_directories(file))
     size = (tags.get(256, 0), tags.get(257, 0))
     if not all(isinstance(side, int) and side > 0 for side in size):
-        raise InputError(f"{path}: a broken TIFF file (its header tells no size)")
+        raise InputError(f"{path}: a damaged TIFF file (its header tells no size); copy it again")
     channels = {0: 1, 1: 1, 5: 4}.get(tags.get(262, 2), 3)
     return _header("TIFF", (*size, channels), tags.get(ICC_PROFILE, b""), tags, photo)
+
+
+def _tiff_directories(file: io.BufferedIOBase) -> tuple[Tags, Tags]:
+    from PIL.TiffImagePlugin import ImageFileDirectory_v2  # noqa: PLC0415
+
+    head = file.read(8)
+    if b"+" in head[2:4]:  # BigTIFF
+        head += file.read(8)
+    found: list[Tags] = []
+    offset = ImageFileDirectory_v2(head).next
+    while offset is not None:
+        directory = ImageFileDirectory_v2(head)
+        file.seek(offset)
+        directory.load(file)
+        found.append(dict(directory))
+        offset = found[0].get(EXIF_IFD) if len(found) == 1 else None
+    return found[0], (*found, {})[1]
 
 
 def _header(
@@ -134,13 +155,18 @@ def _header(
     return Header(kind, *shape, orientation, bytes(profile), tags, exif, notes)
 
 
-def _exif(load: Any) -> tuple[dict[int, Any], dict[int, Any]]:
-    """Main and photo directory; empty where the EXIF block is broken: it is a nicety only."""
-    try:
-        exif = load()
-        return dict(exif), {**exif.get_ifd(INTEROP_IFD), **exif.get_ifd(EXIF_IFD)}
-    except (OSError, ValueError, SyntaxError, KeyError, TypeError, EOFError):
-        return {}, {}
+def _exif(load: Callable[[], tuple[Tags, Tags]]) -> tuple[Tags, Tags]:
+    """Main and photo directory; what is broken in them is left out: they are a nicety only."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", module=r"PIL\.")
+        try:
+            return load()
+        except (OSError, ValueError, SyntaxError, KeyError, TypeError, struct.error):
+            return {}, {}
+
+
+def _pillow_directories(exif: Any) -> tuple[Tags, Tags]:
+    return dict(exif), {**exif.get_ifd(INTEROP_IFD), **exif.get_ifd(EXIF_IFD)}
 
 
 def _broken(file: io.BufferedIOBase, error: Exception) -> str:
