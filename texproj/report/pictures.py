@@ -28,6 +28,7 @@ EDGE_DEPTH_RATIO = 0.01
 EDGE_NORMAL_COSINE = 0.8
 """A turn of the normal between neighboring pixels past this cosine is one too."""
 
+PAPER = 238
 EDGE_COLOR = (0, 255, 255)
 PICK_COLOR = (80, 255, 80)
 OUTLIER_COLOR = (255, 60, 60)
@@ -96,6 +97,12 @@ def encoded(photo: Photo) -> Image:
     if photo.encoding == "srgb":
         return photo.pixels.astype(np.uint8)
     return np.round(srgb_from_linear(photo.pixels) * 255).astype(np.uint8)
+
+
+def on_paper(picture: Image) -> Image:
+    """(h, w, 3) of a (h, w, 4) picture, on light gray where it is transparent."""
+    alpha = picture[..., 3:].astype(np.float32) / 255
+    return np.round(picture[..., :3] * alpha + PAPER * (1 - alpha)).astype(np.uint8)
 
 
 def viewpoints(mesh: Mesh, cameras: Sequence[Camera]) -> list[Camera]:

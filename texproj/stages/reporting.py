@@ -11,20 +11,25 @@ from typing import Any
 from texproj import __version__
 from texproj.errors import InputError
 from texproj.files import json_hash, staging
+from texproj.formats.models import read_model
 from texproj.project import Project
 from texproj.records import CameraRecord
+from texproj.render import render_model
 from texproj.report.page import data_url, page
 from texproj.report.pictures import (
     OVERLAY_LONGEST,
     RESIDUAL_MAGNIFICATION,
     draw_picks,
     encoded,
+    on_paper,
     overlay,
+    viewpoints,
 )
 from texproj.stages.bench import Workbench
 from texproj.stages.coloring import STAGE as COLOR
 from texproj.stages.freshness import Freshness, Inputs, changed_inputs, file_inputs
 from texproj.stages.progress import Progress, silent
+from texproj.stages.writing import GLB, PLY
 
 STAGE = "report"
 VERSION = 1
@@ -151,5 +156,11 @@ def _overlay(bench: Workbench, name: str, record: CameraRecord | None) -> str | 
 
 def _views(bench: Workbench, records: dict[str, CameraRecord]) -> list[str]:
     """The colored model from three sides; none if there is no model yet."""
+    outputs = (bench.project.load_record(COLOR) or {}).get("outputs", {})
+    found = [name for name in (GLB, PLY) if name in outputs]
+    if not found or not (bench.project.out / found[0]).is_file():
+        return []
+    model = read_model(bench.project.out / found[0])
     cameras = [c for r in records.values() if (c := r.registered_camera) is not None]
-    return [] if cameras else []
+    views = viewpoints(bench.mesh, cameras)
+    return [data_url(on_paper(render_model(bench.renderer, model, view))) for view in views]

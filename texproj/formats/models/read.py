@@ -1,0 +1,64 @@
+"""Reading back the colored models that this package writes, to look at them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.errors import InputError
+from texproj.mesh import ColoredMesh, TexturedMesh
+
+
+def read_model(path: Path) -> TexturedMesh | ColoredMesh:
+    """A model.ply with vertex colors or a model.glb with textures.
+
+    Raises InputError for a file that is neither.
+    """
+    import trimesh  # noqa: PLC0415
+
+    scene = trimesh.load_scene(path, process=False)
+    if path.suffix == ".ply":
+        (part,) = scene.geometry.values()
+        colors = np.asarray(part.visual.vertex_colors, np.uint8)[:, :3]
+        faces = np.asarray(part.faces, np.int32)
+        return ColoredMesh(np.asarray(part.vertices, np.float64), faces, colors)
+    parts = [_Part(scene, node) for node in scene.graph.nodes_geometry]
+    if not any(part.page is not None for part in parts):
+        raise InputError(f"{path} has no texture")
+    return _textured(parts)
+
+
+class _Part:
+    """One primitive of a glb in world coordinates."""
+
+    def __init__(self, scene: Any, node: str) -> None:
+        transform, name = scene.graph[node]
+        geometry = scene.geometry[name]
+        self.vertices = np.asarray(geometry.vertices, np.float64) @ transform[:3, :3].T
+        self.vertices += transform[:3, 3]
+        self.faces = np.asarray(geometry.faces, np.int32)
+        image = getattr(getattr(geometry.visual, "material", None), "baseColorTexture", None)
+        uv = getattr(geometry.visual, "uv", None)
+        self.uv = np.zeros((len(self.vertices), 2)) if uv is None else np.asarray(uv, np.float64)
+        self.page: NDArray[np.uint8] | None = None
+        if image is not None and uv is not None:
+            self.page = np.asarray(image.convert("RGB"))
+
+
+def _textured(parts: list[_Part]) -> TexturedMesh:
+    starts = np.cumsum([0] + [len(part.vertices) for part in parts])
+    faces = np.concatenate([p.faces + s for p, s in zip(parts, starts, strict=False)])
+    pages = [part.page for part in parts if part.page is not None]
+    page = np.cumsum([part.page is not None for part in parts]) - 1
+    numbers = [
+        np.full(len(p.faces), n if p.page is not None else -1)
+        for p, n in zip(parts, page, strict=True)
+    ]
+    return TexturedMesh(
+        np.concatenate([part.vertices for part in parts]), faces.astype(np.int32),
+        np.concatenate([part.uv for part in parts]), faces.astype(np.int32),
+        np.concatenate(numbers).astype(np.int32), tuple(pages),
+    )  # fmt: skip
