@@ -299,10 +299,10 @@ def test_threads_take_turns(both):
             assert np.array_equal(depth, scene.gbuffer(cam, ("depth",)).depth)
 
 
-def test_a_pass_leaves_nothing_behind(both):
+def test_a_pass_leaves_nothing_behind():
     """What is drawn after it by plain OpenGL looks as if the pass had never been."""
-    gl, _ = both
-    with gl.load(TILTED) as scene, gl.current():
+    gl = open_renderer(RenderOptions("gl"))
+    with gl, gl.load(TILTED) as scene, gl.current():
         before = _plain_triangle(gl.ctx)
         scene.gbuffer(camera(), CHANNELS[:3])
         scene.gbuffer(camera(LENSES["barrel"]), ("front",))
