@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 import scenes
 from PIL import Image, ImageOps
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
 
 from texproj.camera import Camera, Intrinsics, Pose
 from texproj.demo import lens, make_demo
@@ -179,8 +181,10 @@ def test_defocus_keeps_light_and_removes_detail():
 
 @pytest.mark.parametrize("kind", ["stele", "capital"])
 def test_pieces_are_closed_and_as_fine_as_asked(kind):
-    """Every edge has two faces that run it in opposite directions, outside is outside."""
-    mesh = carved(piece(kind, 3), 20_000)
+    """Every edge has two faces that run it in opposite directions, outside is outside, and no
+    part hangs in the air.
+    """
+    mesh = carved(piece(kind, 2), 20_000)
     edges = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
     forward = np.sort(edges[:, 0] * 2**32 + edges[:, 1])
     backward = np.sort(edges[:, 1] * 2**32 + edges[:, 0])
@@ -188,6 +192,8 @@ def test_pieces_are_closed_and_as_fine_as_asked(kind):
     a = mesh.vertices[mesh.faces[:, 0]]
     assert np.einsum("ij,ij", a, face_cross(mesh.vertices, mesh.faces)) > 0
     assert 16_000 < len(mesh.faces) < 24_000
+    joined = csr_matrix((np.ones(len(edges)), edges.T), (len(mesh.vertices),) * 2)
+    assert connected_components(joined)[0] == 1
 
 
 def test_seeds_make_other_objects():

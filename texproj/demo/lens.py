@@ -18,12 +18,25 @@ NODE_STEP = 12.0
 which stay within 1e-5 px for distortions of photographic lenses."""
 
 
-@lru_cache(maxsize=16)
+KEPT_PIXELS = 1_000_000
+"""Largest photo whose directions are kept for the next photo with that lens, 12 bytes a pixel."""
+
+
 def directions(k: Intrinsics, dx: float = 0.5, dy: float = 0.5) -> Floats:
     """(h, w, 3) unit directions in cam axes, through the point (dx, dy) of every pixel.
 
     The lens model is inverted by OpenCV's own iteration, not by texproj's.
     """
+    small = k.width * k.height <= KEPT_PIXELS
+    return _kept(k, dx, dy) if small else _worked_out(k, dx, dy)
+
+
+@lru_cache(maxsize=16)
+def _kept(k: Intrinsics, dx: float, dy: float) -> Floats:
+    return _worked_out(k, dx, dy)
+
+
+def _worked_out(k: Intrinsics, dx: float, dy: float) -> Floats:
     u = np.linspace(-1, k.width + 1, int(np.ceil(k.width / NODE_STEP)) + 4)
     v = np.linspace(-1, k.height + 1, int(np.ceil(k.height / NODE_STEP)) + 4)
     nodes = np.stack(np.meshgrid(u, v), -1).reshape(-1, 1, 2)

@@ -18,7 +18,8 @@ LIFT = 2e-4
 
 @dataclass(frozen=True)
 class Lighting:
-    """Light in units in which a white matte surface facing it shows as linear 1 at EV 0.
+    """Light as irradiance in units in which a matte surface shows as albedo times irradiance,
+    linear, at EV 0.
 
     sun_azimuth_deg counts from +x to +y; sun_disk_deg is the radius of the (hazy) sun.
     bounce: what the ground sends up; echo: what arrives from directions where stone is in the way.
@@ -27,7 +28,7 @@ class Lighting:
     sun_azimuth_deg: float = -128.0
     sun_elevation_deg: float = 42.0
     sun_disk_deg: float = 0.6
-    sun: tuple[float, float, float] = (0.80, 0.72, 0.58)
+    sun: tuple[float, float, float] = (0.98, 0.87, 0.70)
     sky: tuple[float, float, float] = (0.26, 0.32, 0.42)
     bounce: tuple[float, float, float] = (0.16, 0.14, 0.11)
     echo: tuple[float, float, float] = (0.10, 0.085, 0.07)

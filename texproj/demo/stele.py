@@ -155,7 +155,7 @@ def _column(x: Values, y: Values, z: Values, plan: _Plan, radius: float) -> Valu
         (top - 0.025, 1.75), (top, 1.75), (top + 0.03, 1.6),
     ]  # fmt: skip
     scaled = [(height, r * radius) for height, r in profile]
-    return turned(np.hypot(x, y) - (0.16 * radius * (flutes - 0.5)).astype(np.float32), z, scaled)
+    return turned(np.hypot(x, y) - (0.3 * radius * (flutes - 0.5)).astype(np.float32), z, scaled)
 
 
 def _front(plan: _Plan, seed: int) -> ornament.Relief:

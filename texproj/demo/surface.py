@@ -6,6 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
 from skimage.measure import marching_cubes
 
 from texproj.demo.shapes import Field
@@ -27,7 +29,7 @@ def evaluate(field: Field, xyz: Floats) -> Floats:
 
 
 def surface(field: Field, bounds: ArrayLike, faces: int) -> Mesh:
-    """The zero level of a field inside (2, 3) bounds, with about `faces` triangles.
+    """The zero level of a field inside (2, 3) bounds, in one piece of about `faces` triangles.
 
     Lorensen marching cubes (scikit-image) on a grid evaluated near the surface only; closed as
     long as the solid lies inside the bounds. A coarse trial tells the cell size.
@@ -36,7 +38,18 @@ def surface(field: Field, bounds: ArrayLike, faces: int) -> Mesh:
     trial = float((high - low).max() / 48)
     count = len(_marched(field, low, high, trial).faces)
     # The number of triangles goes with the inverse square of the cell size.
-    return _marched(field, low, high, trial * np.sqrt(count / faces))
+    return _largest(_marched(field, low, high, trial * np.sqrt(count / faces)))
+
+
+def _largest(mesh: Mesh) -> Mesh:
+    """The largest connected part: splinters that hang in the air and hidden bubbles go."""
+    count = len(mesh.vertices)
+    i, j = mesh.faces[:, [0, 1]].ravel(), mesh.faces[:, [1, 2]].ravel()
+    joined = csr_matrix((np.ones(len(i), bool), (i, j)), (count, count))
+    part = connected_components(joined, directed=False)[1]
+    kept = part == np.bincount(part).argmax()
+    number = np.cumsum(kept) - 1
+    return Mesh(mesh.vertices[kept], number[mesh.faces[kept[mesh.faces[:, 0]]]])
 
 
 def _marched(

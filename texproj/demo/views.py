@@ -52,15 +52,15 @@ class View:
 
 
 TOUR = (
-    View(-12, 12, ev=0.4, body=REFLEX),
-    View(-48, 22, ev=-0.1),
-    View(-85, 10, ev=0.2, body=REFLEX),
-    View(-128, 24, ev=0.9),
-    View(172, 14, 1.55, ev=1.1, upright=False, body=REFLEX),
+    View(-12, 12, ev=0.2, body=REFLEX),
+    View(-48, 22, ev=-0.2),
+    View(-85, 10, ev=0.0, body=REFLEX),
+    View(-128, 24, ev=0.4),
+    View(172, 14, 1.42, ev=1.1, upright=False, body=REFLEX),
     View(130, 28, ev=1.2),
     View(82, 12, ev=0.8, body=REFLEX),
     View(38, 18, ev=0.5, visitor=True),
-    View(14, 44, 1.5, ev=-0.2, upright=False, body=REFLEX),
+    View(14, 44, 1.38, ev=-0.2, upright=False, body=REFLEX),
 )
 """The demo's round: eight views all around and one from above."""
 
