@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import math
 import struct
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -98,7 +99,8 @@ def _pillow_header(path: Path, file: io.BufferedIOBase) -> Header:
 
     Image.MAX_IMAGE_PIXELS = None  # photos of 200 megapixels are no attack
     try:
-        image = Image.open(file)
+        with _quiet():
+            image = Image.open(file)
     except (OSError, ValueError, SyntaxError) as error:
         raise InputError(f"{path}: {_broken(file, error)}") from None
     kind = "JPEG" if image.format == "MPO" else image.format
@@ -157,12 +159,19 @@ def _header(
 
 def _exif(load: Callable[[], tuple[Tags, Tags]]) -> tuple[Tags, Tags]:
     """Main and photo directory; what is broken in them is left out: they are a nicety only."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", module=r"PIL\.")
+    with _quiet():
         try:
             return load()
         except (OSError, ValueError, SyntaxError, KeyError, TypeError, struct.error):
             return {}, {}
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """No warnings of Pillow's about odd tags: nobody can do anything about them."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", module=r"PIL\.")
+        yield
 
 
 def _pillow_directories(exif: Any) -> tuple[Tags, Tags]:
@@ -219,7 +228,7 @@ def _exposed_size(header: Header) -> tuple[float, float, str]:
     width, height = _number(header.exif, 0xA002), _number(header.exif, 0xA003)
     if not width or not height:
         return header.width, header.height, ""
-    if width < height != header.width < header.height:
+    if (width < height) != (header.width < header.height):
         width, height = height, width
     if abs(width * header.height - height * header.width) <= 2 * max(width, header.width):
         return header.width, header.height, ""  # as taken, or reduced as a whole
