@@ -20,11 +20,13 @@ from texproj.demo.pattern import painted, uniform, with_dots
 from texproj.demo.photographer import ShotOptions, photograph, set_up
 from texproj.demo.picks import picked, visible
 from texproj.demo.sensor import Sensor, developed
-from texproj.demo.views import COMPACT, REFLEX, View, camera_at, disturbed
+from texproj.demo.views import COMPACT, REFLEX, TOUR, View, camera_at, disturbed
 from texproj.demo.write import write_demo
 from texproj.formats.cameras import read_cameras
 from texproj.formats.correspondences import read_correspondences
 from texproj.formats.meshes import read_mesh
+from texproj.formats.photos.header import read_photo_info
+from texproj.formats.photos.read import read_photo
 from texproj.mesh import Mesh, face_cross
 from texproj.options import DemoOptions
 from texproj.photo import linear_from_srgb
@@ -326,3 +328,20 @@ def test_demo_folder_reads_back(tmp_path):
     error = picks.xy_px - truth[1].camera.project(picks.xyz_in_world)[0]
     assert 0.3 < np.sqrt((error**2).mean()) < 2
     assert (tmp_path / "truth/shaded.ply").is_file()
+
+
+def test_photos_read_back_upright_with_what_exif_tells(tmp_path):
+    """texproj's own reader finds the upright picture, the focal length within the rounding of
+    EXIF's whole millimetres, and exposures that differ by the steps of the views.
+    """
+    demo = write_demo(tmp_path, TINY)
+    infos = [read_photo_info(tmp_path / "photos" / p.file) for p in demo.photos]
+    for info, photo in zip(infos, demo.photos, strict=True):
+        shape = (photo.truth.height, photo.truth.width, 3)
+        assert (info.height, info.width, 3) == shape
+        assert read_photo(tmp_path / "photos" / info.name, info).pixels.shape == shape
+        assert info.focal_px == pytest.approx(photo.truth.intrinsics.fx, rel=0.02)
+    first, second = TOUR[:2]
+    assert infos[0].camera_body != infos[1].camera_body
+    steps = infos[0].exposure_ev - infos[1].exposure_ev
+    assert steps == pytest.approx(first.ev - second.ev, abs=0.01)

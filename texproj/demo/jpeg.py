@@ -16,8 +16,8 @@ from texproj.demo.views import Body
 FILM_DIAGONAL_MM = float(np.hypot(36, 24))
 STANDS_ON_RIGHT_SIDE = 6
 """EXIF orientation of a photo taken with the camera turned: shown after a turn clockwise."""
-NORMAL_TIME_S = 1 / 250
-"""Exposure time at EV 0."""
+NORMAL_TIME_S = 1 / 16000
+"""Exposure time at EV 0 for ISO 100 and f/1: 1/250 at f/8."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,8 @@ def _tags(exif: Exif, focal: int) -> Image.Exif:
     tags[Base.DateTime] = f"2026:05:17 10:{exif.number:02d}:00"
     inner = tags.get_ifd(IFD.Exif)
     inner[Base.FocalLengthIn35mmFilm] = focal
-    inner[Base.ExposureTime] = IFDRational(round(NORMAL_TIME_S * 2**exif.ev * 1e6), 1000000)
+    time_s = NORMAL_TIME_S * 2**exif.ev * exif.body.f_number**2 * 100 / exif.body.iso
+    inner[Base.ExposureTime] = IFDRational(round(time_s * 1e6), 1000000)
     inner[Base.FNumber] = IFDRational(round(exif.body.f_number * 10), 10)
     inner[Base.ISOSpeedRatings] = exif.body.iso
     inner[Base.BodySerialNumber] = f"{sum(exif.body.name.encode())}"

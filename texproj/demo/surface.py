@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_matrix
@@ -78,18 +76,3 @@ def _narrow_band(field: Field, low: Floats, blocks: NDArray[np.int_], cell: np.f
     values[near] = evaluate(field, points).reshape(-1, BLOCK**3)
     nested = values.reshape(*blocks, BLOCK, BLOCK, BLOCK).transpose(0, 3, 1, 4, 2, 5)
     return np.ascontiguousarray(nested.reshape(blocks * BLOCK))
-
-
-def onto_surface(field: Field, xyz: Floats, steps: int = 2) -> Floats:
-    """(n, 3) points near the surface moved onto it along the field's gradient (Newton steps)."""
-    for _ in range(steps):
-        value, slope = evaluate(field, xyz), _gradient(lambda p: evaluate(field, p), xyz)
-        size = np.maximum((slope**2).sum(1, keepdims=True), 0.25)
-        xyz = xyz - slope * (value[:, None] / size)
-    return xyz
-
-
-def _gradient(field: Callable[[Floats], Floats], xyz: Floats, h: float = 5e-4) -> Floats:
-    steps = np.eye(3, dtype=np.float32) * np.float32(h)
-    columns = [(field(xyz + s) - field(xyz - s)) / np.float32(2 * h) for s in steps]
-    return np.stack(columns, axis=1)
