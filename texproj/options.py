@@ -67,6 +67,9 @@ class ColorOptions:
     mask_feather: Annotated[float, Field(ge=0, le=1)] = 0.003
     """Width of the ramp beside a mask, as a part of the photo's diagonal."""
 
+    clipped_weight: Fraction = 0.2
+    """Weight of samples where the photo is over-exposed; 1 = as good as any."""
+
     gains: bool = True
     """Correct each photo's exposure and white balance by what the others show there."""
 
@@ -138,7 +141,7 @@ class StructureOptions:
     starts: Annotated[int, Field(ge=0, le=100)] = 5
     """How many of the best turned, enlarged and shifted starts are followed up."""
 
-    focal_sigma: Positive = 0.1
+    focal_sigma: Positive = 0.05
     """How far to trust the start's focal length: relative standard deviation."""
 
     sure_support: Fraction = 0.75

@@ -83,7 +83,8 @@ def _finished(view: StructureView, prior: Camera, camera: Camera, options: Struc
 
 def _fit(seen: Observation, fit: LmFit[Camera], camera: Camera, verdict: Verdict) -> Fit:
     scale = camera.width / seen.camera.width
-    residual = np.linalg.norm(fit.residual, axis=1) * FINE_SCALE_PX
+    offset = fit.x.project(seen.xyz_in_world)[0] - seen.matches.target_px
+    residual = np.linalg.norm(offset, axis=1)
     covariance = fit.covariance()
     jacobian = projection_jacobian(fit.x, seen.xyz_in_world, ("focal",))
     spread = np.einsum("nip,pq,niq->n", jacobian, covariance, jacobian)

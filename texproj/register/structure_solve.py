@@ -104,14 +104,16 @@ def least_squares(
     """All matches under a Cauchy loss; the fit's camera has the level's size."""
     here = camera.resized(seen.camera.width, seen.camera.height)
     focal = float(np.log(expected_focal_px * here.width / camera.width))
+    # patches that overlap repeat each other: so much less is known than their number says
+    sigma = FINE_SCALE_PX * seen.rule.size_px / seen.rule.step_px
     problem = Reprojection(
         seen.matches.target_px,
         seen.xyz_in_world,
-        FINE_SCALE_PX,
+        sigma,
         ("focal",),
         (Prior("focal", focal, focal_sigma),),
     )
-    return minimize(problem, here, Loss("cauchy"), STEPS)
+    return minimize(problem, here, Loss("cauchy", FINE_SCALE_PX / sigma), STEPS)
 
 
 def agrees(seen: Observation) -> NDArray[np.bool_]:

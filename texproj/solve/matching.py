@@ -27,6 +27,7 @@ class PatchMatches:
     patch: (n,) number of the patch, several matches may share one; source_px: (n, 2) centers in
     the template; target_px: (n, 2) where found in the image; both continuous coordinates.
     score: (n,) normalized correlation in -1..1; rank: (n,) 0 for a patch's best match.
+    strength: (patches,) mean squared length of the template's field in each patch sought, 0..1.
     """
 
     patch: Index
@@ -34,6 +35,7 @@ class PatchMatches:
     target_px: Array
     score: Array
     rank: Index
+    strength: Array
 
     def __len__(self) -> int:
         return len(self.patch)
@@ -91,11 +93,11 @@ def _match_batch(
     n = fft.next_fast_len(size + 2 * radius)
     spectrum = fft.fft2(i, (n, n)) * np.conj(fft.fft2(t, (n, n)))
     correlation = fft.ifft2(spectrum)[:, :span, :span].real
-    own = (np.abs(t) ** 2).sum((1, 2))
+    own = (np.abs(t) ** 2).sum((1, 2)).astype(np.float64)
     score = correlation / np.sqrt(own[:, None, None] * e + 1e-6)
     patch, shift, value, rank = _peaks(score, radius, peaks)
     source = centers[patch].astype(np.float64) + 0.5
-    return PatchMatches(patch + first, source, source + shift, value, rank)
+    return PatchMatches(patch + first, source, source + shift, value, rank, own / size**2)
 
 
 def _windows(image: NDArray[Any], corners: Index, size: int) -> NDArray[Any]:
@@ -155,11 +157,12 @@ def _axis(length: int, step: int) -> Index:
 def _joined(parts: list[PatchMatches]) -> PatchMatches:
     if not parts:
         none = np.zeros(0, np.intp)
-        return PatchMatches(none, np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0), none)
+        return PatchMatches(none, np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0), none, np.zeros(0))
     return PatchMatches(
         np.concatenate([p.patch for p in parts]),
         np.concatenate([p.source_px for p in parts]),
         np.concatenate([p.target_px for p in parts]),
         np.concatenate([p.score for p in parts]),
         np.concatenate([p.rank for p in parts]),
+        np.concatenate([p.strength for p in parts]),
     )
