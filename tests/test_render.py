@@ -184,6 +184,8 @@ def test_only_what_is_asked_is_made(renderer):
         assert list(g.channels()) == ["normal"]
         with pytest.raises(ValueError, match="did you mean 'depth'"):
             scene.gbuffer(camera(), ("depths",))
+        with pytest.raises(ValueError, match="no channel"):
+            scene.gbuffer(camera(), ())
         with pytest.raises(ValueError, match="without ambient occlusion"):
             scene.gbuffer(camera(), ("ao",))
 

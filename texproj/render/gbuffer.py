@@ -47,6 +47,8 @@ class GBuffer:
 def checked_channels(channels: Iterable[str], has_ao: bool) -> tuple[str, ...]:
     """`channels` without repetitions; ValueError for one that does not exist or has no source."""
     wanted = tuple(dict.fromkeys(channels))
+    if not wanted:
+        raise ValueError("no channel was asked for")
     for name in wanted:
         if name not in CHANNELS:
             raise ValueError(f"there is no channel {name!r}{nearest_name(name, CHANNELS)}")

@@ -24,6 +24,9 @@ Bytes = NDArray[np.uint8]
 NO_TEXTURE = 0.2
 """Linear grey of faces without texture."""
 
+WHITE = np.float32(65535)
+"""Linear 1 in mipmaps."""
+
 AMBIENT = 0.25
 """Brightness of `shade` where the surface is seen edge-on."""
 
@@ -146,9 +149,15 @@ def _sampled(page: NDArray[Any], at: Footprint) -> Floats:
     return color
 
 
-def _mipmaps(page: NDArray[Any]) -> Iterator[tuple[int, Floats, bool]]:
-    """(number, (h, w, 3) linear image, whether it is the last) of each level, halved each time."""
-    image, number = _linear(page), 0
+def _mipmaps(page: NDArray[Any]) -> Iterator[tuple[int, NDArray[np.uint16], bool]]:
+    """(number, (h, w, 3) image, whether it is the last) of each level, halved each time.
+
+    Images are uint16 in linear light, which keeps 20 steps in the darkest one of 8-bit sRGB.
+    """
+    table = np.round(_linear(np.arange(np.iinfo(page.dtype).max + 1, dtype=page.dtype)) * WHITE)
+    coded = np.ascontiguousarray(page)
+    small = table.astype(np.uint16)
+    image, number = cv2.LUT(coded, small) if coded.itemsize == 1 else small[coded], 0
     while True:
         last = min(image.shape[:2]) < 2
         yield number, image, last
@@ -158,14 +167,16 @@ def _mipmaps(page: NDArray[Any]) -> Iterator[tuple[int, Floats, bool]]:
         image, number = cv2.resize(image, half, interpolation=cv2.INTER_AREA), number + 1
 
 
-def _bilinear(image: Floats, x: Floats, y: Floats) -> Floats:
-    """(n, 3) values at x, y (n,), parts of the image's width and height; clamped at the border."""
+def _bilinear(image: NDArray[np.uint16], x: Floats, y: Floats) -> Floats:
+    """(n, 3) values, 0..1, at x, y (n,), parts of the image's width and height; clamped at the
+    border.
+    """
     height, width = image.shape[:2]
     column = np.clip(x * width - 0.5, 0, width - 1)
     row = np.clip(y * height - 0.5, 0, height - 1)
     left, top = np.floor(column).astype(np.intp), np.floor(row).astype(np.intp)
     right, below = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
-    fx, fy = (column - left)[:, None], (row - top)[:, None]
-    upper = (1 - fx) * image[top, left] + fx * image[top, right]
-    lower = (1 - fx) * image[below, left] + fx * image[below, right]
+    fx, fy = (column - left)[:, None] / WHITE, (row - top)[:, None]
+    upper = (1 / WHITE - fx) * image[top, left] + fx * image[top, right]
+    lower = (1 / WHITE - fx) * image[below, left] + fx * image[below, right]
     return ((1 - fy) * upper + fy * lower).astype(np.float32)

@@ -85,10 +85,9 @@ class Target:
     def clear(self) -> None:
         """Everything to zero, depth to infinity."""
         channels = self.key[1]
-        self.framebuffer.clear(0, 0, 0, 0)
-        if channels == ("depth",):
-            self.framebuffer.clear(*(np.inf,) * 4)
-        elif "depth" in channels:
+        alone = channels == ("depth",)
+        self.framebuffer.clear(*(np.inf if alone else 0.0,) * 4)
+        if "depth" in channels and not alone:
             self.framebuffer.color_mask = tuple((name == "depth",) * 4 for name in channels)
             self.framebuffer.clear(*(np.inf,) * 4)
             self.framebuffer.color_mask = ((True,) * 4,) * len(channels)
