@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.errors import TexprojError
 from texproj.mesh import Mesh, vertex_normals
+from texproj.preview.simplify import decimated
 
 ALIGNMENT = 4
 
@@ -66,21 +66,6 @@ def simplified(mesh: Mesh, faces: int) -> LightMesh | None:
         return None
     from scipy.spatial import cKDTree  # noqa: PLC0415 - slow to import, needed once
 
-    light = _decimated(mesh, faces)
+    light = decimated(mesh, faces)
     nearest = cKDTree(mesh.vertices).query(light.vertices, workers=-1)[1]
     return LightMesh(light, np.asarray(nearest, np.int32))
-
-
-def _decimated(mesh: Mesh, faces: int) -> Mesh:
-    try:
-        import pymeshlab  # noqa: PLC0415 - needs system libraries that the rest does not
-    except (ImportError, OSError) as error:
-        raise TexprojError(f"large meshes are not simplified while moving: {error}") from None
-    center = mesh.center
-    meshes = pymeshlab.MeshSet()
-    meshes.add_mesh(pymeshlab.Mesh(mesh.vertices - center, mesh.faces))
-    meshes.meshing_decimation_quadric_edge_collapse(
-        targetfacenum=faces, preservenormal=True, preserveboundary=True
-    )
-    result = meshes.current_mesh()
-    return Mesh(result.vertex_matrix() + center, result.face_matrix().astype(np.int32))

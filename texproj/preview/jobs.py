@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import logging
 import threading
 import time
 from collections.abc import Callable
@@ -16,6 +17,8 @@ from texproj.stages.progress import Cancelled, Progress
 
 Work = Callable[[Progress], Any]
 State = Literal["waiting", "running", "done", "failed", "cancelled"]
+
+LOG = logging.getLogger(__name__)
 
 NEWS_INTERVAL_S = 0.1
 """Progress is sent at most this often."""
@@ -92,6 +95,7 @@ class Jobs:
             self._end(job, "failed", str(error))
             raise
         except BaseException:
+            LOG.exception("%s failed", job.title)
             self._end(job, "failed", "An unexpected error; the terminal shows it.")
             raise
         self._end(job, "done", "")

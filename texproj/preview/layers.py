@@ -82,9 +82,10 @@ def weights_at(bench: Workbench, view: PhotoView, options: ColorOptions) -> Valu
     parts = []
     for number, size in enumerate(points.sizes):
         seen = points.chunk(number, candidates)
-        sight = sight_of(seen, view, options)
         part = np.zeros(size, np.float32)
-        factors = factors_at(sight, view, options)
-        part[seen.index[sight.index]] = np.prod(list(factors.values()), axis=0)
+        if len(seen):
+            sight = sight_of(seen, view, options)
+            factors = factors_at(sight, view, options)
+            part[seen.index[sight.index]] = np.prod(list(factors.values()), axis=0)
         parts.append(part)
     return np.concatenate(parts)

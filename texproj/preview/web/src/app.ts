@@ -4,7 +4,7 @@ import * as THREE from "three";
 import * as api from "./api.ts";
 import { byId } from "./dom.ts";
 import { LayerLoader, showLegend } from "./layers.ts";
-import type { Vec2, Vec3 } from "./lens.ts";
+import type { Vec2 } from "./lens.ts";
 import { center } from "./lens.ts";
 import { notice } from "./notice.ts";
 import { loadTexture } from "./overlay.ts";
@@ -247,20 +247,17 @@ export class App {
 
   /** Look from where the photos were taken, with their upper side up. */
   private goHome(): void {
-    const cameras = this.viewable.map((photo) => photo.camera!);
-    const up = new THREE.Vector3();
-    const from = new THREE.Vector3();
     const { center: middle, radius } = this.viewport.surface;
-    let reach = radius;
-    for (const camera of cameras) {
-      up.sub(new THREE.Vector3(...camera.R[1]));
-      const eye = new THREE.Vector3(...(center(camera) as Vec3)).sub(middle);
-      from.add(eye.clone().normalize());
-      reach = Math.max(reach, eye.length());
-    }
+    const cameras = this.viewable.map((photo) => photo.camera!);
+    const eyes = cameras.map((camera) => new THREE.Vector3(...center(camera)).sub(middle));
+    const up = new THREE.Vector3();
+    for (const camera of cameras) up.sub(new THREE.Vector3(...camera.R[1]));
     if (up.length() < 0.1) up.set(0, 0, 1);
-    if (from.length() < 0.1) from.set(1, -1, 0.6);
-    this.viewport.home(up.normalize(), from, reach);
+    const reach = Math.max(radius, ...eyes.map((eye) => eye.length()));
+    this.viewport.setUp(up.normalize(), reach);
+    const best = mostCentral(eyes);
+    if (best < 0) this.viewport.lookFrom(new THREE.Vector3(1, -1, 0.6).applyQuaternion(fromZ(up)));
+    else this.viewport.lookAlong(eyes[best], new THREE.Vector3(...cameras[best].R[2]));
   }
 
   /** After a new registration of the photo on view, look through its new camera. */
@@ -289,4 +286,16 @@ export class App {
     const entry = LAYERS[number - 1];
     if (entry) void this.setLayer(entry.layer);
   }
+}
+
+/** The index of the eye nearest to the middle of all; -1 for none. */
+function mostCentral(eyes: THREE.Vector3[]): number {
+  const mean = new THREE.Vector3();
+  for (const eye of eyes) mean.addScaledVector(eye, 1 / eyes.length);
+  const distances = eyes.map((eye) => eye.distanceTo(mean));
+  return distances.indexOf(Math.min(...distances));
+}
+
+function fromZ(up: THREE.Vector3): THREE.Quaternion {
+  return new THREE.Quaternion().setFromUnitVectors(new THREE.Vector3(0, 0, 1), up);
 }

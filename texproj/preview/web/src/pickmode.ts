@@ -73,7 +73,6 @@ export class PickMode {
     await this.save();
     Object.assign(this, { photo, selected: null, fit: null, fitProblem: "", guess: null, before: null, showBefore: false });
     byId("photo-pane").hidden = false;
-    byId("photo-title").textContent = photo.name;
     this.history.reset([]);
     void this.pane.load(photo.name, photo.width!, photo.height!);
     this.pane.fit();
@@ -269,7 +268,11 @@ export class PickMode {
   }
 
   private drawPhotoMarks(): void {
-    if (this.active) drawMarks(byId("photo-marks"), this.marks("photo"), this.cursors.photo);
+    if (!this.active || !this.photo) return;
+    const factor = magnification(this.fit, this.pane.scale);
+    const enlarged = this.fit && factor > 1 ? ` \u00b7 residuals drawn ${factor} \u00d7` : "";
+    byId("photo-title").textContent = this.photo.name + enlarged;
+    drawMarks(byId("photo-marks"), this.marks("photo"), this.cursors.photo);
   }
 
   private drawModelMarks(): void {

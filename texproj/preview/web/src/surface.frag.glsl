@@ -68,6 +68,8 @@ vec3 unseen() {
 vec4 surfaceColor() {
 #ifdef USE_MAP
   return texture(map, vUv);
+#elif defined(UNSEEN)
+  return vec4(0.0);
 #else
   return vColor;
 #endif

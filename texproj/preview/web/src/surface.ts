@@ -119,10 +119,8 @@ export class Surface {
     const first = Array.isArray(original) ? original[0] : original;
     const map = (first as THREE.MeshBasicMaterial).map ?? null;
     const material = surfaceMaterial({ ...this.uniforms, map: { value: map } });
-    if (map) {
-      material.defines.USE_MAP = "";
-      map.anisotropy = 8;
-    }
+    material.defines[map ? "USE_MAP" : "UNSEEN"] = "";
+    if (map) map.anisotropy = 8;
     return material;
   }
 

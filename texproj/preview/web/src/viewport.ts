@@ -14,6 +14,11 @@ const SETTLE_MS = 160;
 /** Frames slower than this while moving bring in the light mesh. */
 const SLOW_FRAME_MS = 45;
 const MAX_ZOOM = 64;
+/** Part of the distance by which the first view lies behind a photo's, so that the cameras show. */
+const STEP_BACK = 0.75;
+/** How far the first view is moved up and aside, so that the cameras do not hide the model. */
+const RAISE_RAD = 0.3;
+const ASIDE_RAD = 0.36;
 
 interface Pose {
   position: THREE.Vector3;
@@ -74,13 +79,26 @@ export class Viewport {
     this.dirty = true;
   }
 
-  /** Start from a sensible side of the model. up: world; from: a direction to look from. */
-  home(up: THREE.Vector3, from: THREE.Vector3, reach: number): void {
-    this.reach = Math.max(4, reach / this.surface.radius + 1);
+  /** Which way is up (scene axes), and how far out the cameras are. */
+  setUp(up: THREE.Vector3, reach: number): void {
+    this.reach = Math.max(4, (reach / this.surface.radius) * 2 + 1);
     this.camera.up.copy(up);
     this.controls.dispose();
     this.controls = this.newControls();
-    this.lookFrom(from);
+  }
+
+  /** Look from somewhat behind `eye` along `forward`, as a photographer stepping back. */
+  lookAlong(eye: THREE.Vector3, forward: THREE.Vector3): void {
+    this.leavePhoto();
+    const depth = Math.max(-eye.dot(forward), this.surface.radius * 0.3);
+    this.controls.target.copy(eye).addScaledVector(forward, depth);
+    const back = depth * (1 + STEP_BACK * Math.max(1, 1 / this.aspect));
+    const right = forward.clone().cross(this.camera.up).normalize();
+    const away = forward.clone().multiplyScalar(-back);
+    away.applyAxisAngle(right, -RAISE_RAD).applyAxisAngle(this.camera.up, ASIDE_RAD);
+    this.camera.position.copy(this.controls.target).add(away);
+    this.controls.update();
+    this.moved();
   }
 
   /** See the whole model from direction `from`. */

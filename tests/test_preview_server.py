@@ -1,0 +1,481 @@
+"""The page's server: what it answers, whom it refuses, and that nobody's work is lost."""
+
+import json
+import time
+from contextlib import contextmanager
+
+import httpx
+import numpy as np
+import pytest
+from preview_project import BROKEN, cameras, corner_points, make_project, running
+
+from texproj.options import PreviewOptions
+from texproj.preview import app as app_module
+from texproj.preview.geometry import pack, simplified
+from texproj.preview.session import Session
+from texproj.project import Project
+
+PHOTO = "0000.png"
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory):
+    """One project for all tests that do not write."""
+    folder = tmp_path_factory.mktemp("project") / "blocks"
+    make_project(folder)
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def bundle(tmp_path, monkeypatch):
+    """A stand-in for the built page: these tests are about the server."""
+    folder = tmp_path / "bundle"
+    folder.mkdir()
+    for name in app_module.BUNDLE:
+        (folder / name).write_text(f"<!-- {name} -->")
+    monkeypatch.setattr(app_module, "bundle_folder", lambda: folder)
+
+
+@contextmanager
+def client(root, token=None, **options):
+    """Real requests to a real server."""
+    with running(root, token, **options) as home, httpx.Client(base_url=home, timeout=60) as found:
+        yield found
+
+
+def own_name(page, name="127.0.0.1"):
+    """A Host header of this server under `name`."""
+    return f"{name}:{page.base_url.port}"
+
+
+@pytest.fixture
+def page(root):
+    with client(root) as found:
+        yield found
+
+
+@pytest.fixture
+def own(tmp_path):
+    """A project to write in, and its client."""
+    make_project(tmp_path / "own")
+    with client(tmp_path / "own") as found:
+        yield tmp_path / "own", found
+
+
+def unpacked(content, name):
+    """An array of a pack, read by the layout that its module documents."""
+    length = int.from_bytes(content[:4], "little")
+    entry = json.loads(content[4 : 4 + length])["arrays"][name]
+    start = 4 + length + entry["offset"]
+    count = int(np.prod(entry["shape"]))
+    return np.frombuffer(content, entry["dtype"], count, start).reshape(entry["shape"])
+
+
+# --- what it says
+
+
+def test_every_photo_has_a_verdict_and_an_advice(page):
+    """Registered, weak, prior and broken photos are told apart, with reason and what to do."""
+    photos = {p["name"]: p for p in page.get("/api/project").json()["photos"]}
+
+    assert photos["0000.png"]["status"] == "registered"
+    assert not photos["0000.png"]["weak"]
+    assert photos["0002.png"]["weak"]
+    assert photos["0002.png"]["advice"] == "Pick 4 points."
+    assert photos["0003.png"]["status"] == "prior"
+    assert photos[BROKEN]["status"] == "broken"
+    assert BROKEN in photos[BROKEN]["reason"]
+
+
+def test_the_mesh_arrives_bit_by_bit(page, root):
+    """Positions are the file's in float32 about the center; faces are the same."""
+    mesh = Project.open(root).load_mesh().mesh
+    content = page.get("/api/mesh/full").content
+
+    assert np.array_equal(unpacked(content, "faces"), mesh.faces)
+    expected = (mesh.vertices - mesh.center).astype(np.float32)
+    assert np.array_equal(unpacked(content, "positions"), expected)
+
+
+def test_the_light_mesh_stays_on_the_surface():
+    """A tenth of the faces, each vertex within 2 % of the diagonal of the vertex it is tied to."""
+    import trimesh
+
+    from texproj.mesh import Mesh
+
+    ball = trimesh.creation.icosphere(5, 3.0)
+    mesh = Mesh(ball.vertices, ball.faces.astype(np.int32))
+    light = simplified(mesh, 2000)
+
+    assert 1500 <= len(light.mesh.faces) <= 2000
+    assert np.abs(np.linalg.norm(light.mesh.vertices, axis=1) - 3).max() < 0.02
+    apart = np.linalg.norm(light.mesh.vertices - mesh.vertices[light.vertex_of_light], axis=1)
+    assert apart.max() < 0.02 * mesh.diagonal
+    assert simplified(mesh, len(mesh.faces)) is None
+
+
+def test_packed_arrays_start_at_multiples_of_four():
+    """A browser can only look at aligned numbers."""
+    data = pack({"a": np.arange(3, dtype=np.uint8), "b": np.arange(2, dtype=np.float32)}, x=1)
+
+    assert np.array_equal(unpacked(data, "b"), [0, 1])
+    assert int.from_bytes(data[:4], "little") % 4 == 0
+
+
+def test_a_photo_is_served_as_jpeg_of_the_asked_size(page):
+    """Whatever the file is, the browser gets a JPEG."""
+    answer = page.get(f"/api/photos/{PHOTO}/image?size=240")
+
+    assert answer.headers["content-type"] == "image/jpeg"
+    assert answer.content[:2] == b"\xff\xd8"
+    assert page.get(f"/api/photos/{PHOTO}/image?size=12345").status_code == 404
+
+
+def test_a_ray_meets_the_surface_exactly(page):
+    """Straight down on the plate's top (z = 0.1): to 1e-9, not to float32."""
+    ray = {"origin": [1.93, 1.43, 7.0], "direction": [0, 0, -2]}
+    hit = page.post("/api/hit", json=ray).json()
+
+    assert np.allclose(hit["xyz"], [1.93, 1.43, 0.1], atol=1e-9)
+    assert np.allclose(hit["normal"], [0, 0, 1])
+    assert page.post("/api/hit", json={**ray, "direction": [0, 0, 1]}).json() is None
+
+
+def test_coverage_counts_the_photos_that_see(page):
+    """The top of the plate is seen by several of the 3 registered photos, its underside by none."""
+    values = unpacked(page.get("/api/layers/coverage").content, "values")
+    positions = unpacked(page.get("/api/mesh/full").content, "positions")
+
+    assert values.max() == 3
+    assert values[positions[:, 2] == positions[:, 2].min()].max() == 0
+
+
+def test_weights_of_a_photo_without_camera_are_refused(page):
+    """With a sentence that names it."""
+    answer = page.get("/api/layers/weights?photo=0003.png")
+
+    assert answer.status_code == 422
+    assert "0003.png is not registered" in answer.json()["error"]
+
+
+# --- picking
+
+
+def picks_of(camera, count, noise=0.0):
+    uv, xyz = corner_points(camera, count)
+    return [
+        {"name": str(i + 1), "uv": (a + noise).tolist(), "xyz": b.tolist()}
+        for i, (a, b) in enumerate(zip(uv, xyz, strict=True))
+    ]
+
+
+def test_picks_are_on_disk_as_they_are_on_screen(own):
+    """PUT writes the CSV; GET gives the same numbers, bit by bit, with normals."""
+    root, page = own
+    picks = picks_of(cameras()[0], 3)
+    page.put(f"/api/photos/{PHOTO}/picks", json={"picks": picks, "base": "none"})
+    read = page.get(f"/api/photos/{PHOTO}/picks").json()["picks"]
+
+    assert [(p["name"], p["uv"], p["xyz"]) for p in read] == [
+        (p["name"], p["uv"], p["xyz"]) for p in picks
+    ]
+    saved = Project.open(root).load_correspondences(PHOTO)
+    assert saved.xy_px.tolist() == [p["uv"] for p in picks]
+    assert np.allclose(np.linalg.norm([p["normal"] for p in read], axis=1), 1)
+
+
+def test_two_pages_do_not_overwrite_each_other(own):
+    """Who saves on an old version gets 409 and what is there; nothing is written."""
+    root, page = own
+    address = f"/api/photos/{PHOTO}/picks"
+    mine, theirs = picks_of(cameras()[0], 2), picks_of(cameras()[0], 5)
+    first = page.put(address, json={"picks": theirs, "base": "none"})
+    second = page.put(address, json={"picks": mine, "base": "none"})
+
+    assert first.status_code == 200
+    assert second.status_code == 409
+    assert second.json()["version"] == first.json()["version"]
+    assert len(second.json()["picks"]) == 5
+    assert len(Project.open(root).load_correspondences(PHOTO)) == 5
+    again = page.put(address, json={"picks": mine, "base": second.json()["version"]})
+    assert again.status_code == 200
+
+
+def test_an_edit_from_outside_is_a_new_version(own):
+    """A text editor counts as another page."""
+    root, page = own
+    address = f"/api/photos/{PHOTO}/picks"
+    saved = page.put(address, json={"picks": picks_of(cameras()[0], 2), "base": "none"}).json()
+    with (root / "correspondences" / "0000.csv").open("a") as file:
+        file.write("1,2,3,4,5,by hand\n")
+    answer = page.put(address, json={"picks": [], "base": saved["version"]})
+
+    assert answer.status_code == 409
+    assert answer.json()["picks"][-1]["name"] == "by hand"
+
+
+@pytest.mark.parametrize(
+    "picks",
+    [
+        "no list",
+        [{"name": "1", "uv": [1], "xyz": [1, 2, 3]}],
+        [{"name": "1", "uv": [1, "2"], "xyz": [1, 2, 3]}],
+        [{"name": "", "uv": [1, 2], "xyz": [1, 2, 3]}],
+        [{"name": "a\nb", "uv": [1, 2], "xyz": [1, 2, 3]}],
+        [{"name": "1", "uv": [1, 2], "xyz": [1, 2, 3]}] * 2,
+    ],
+)
+def test_unusable_picks_are_refused_in_words(own, picks):
+    """Nothing is written."""
+    root, page = own
+    answer = page.put(f"/api/photos/{PHOTO}/picks", json={"picks": picks, "base": "none"})
+
+    assert answer.status_code == 400
+    assert answer.json()["error"]
+    assert not list((root / "correspondences").glob("*.csv"))
+
+
+def test_the_fit_of_exact_picks_is_the_true_camera(page):
+    """8 noiseless picks: residuals under 0.01 px, predictions on the picks."""
+    picks = picks_of(cameras()[3], 8)
+    fit = page.post("/api/photos/0003.png/fit", json={"picks": picks}).json()
+
+    assert max(fit["residual_px"]) < 0.01
+    assert np.allclose(fit["projected"], [p["uv"] for p in picks], atol=0.02)
+    assert all(fit["inliers"])
+
+
+def test_a_bad_pick_stands_out(page):
+    """One pick moved by 40 px is the outlier, and only that one."""
+    picks = picks_of(cameras()[3], 10)
+    picks[4]["uv"] = [picks[4]["uv"][0] + 40, picks[4]["uv"][1]]
+    fit = page.post("/api/photos/0003.png/fit", json={"picks": picks}).json()
+
+    assert [name for name, ok in zip(fit["names"], fit["inliers"], strict=True) if not ok] == ["5"]
+    assert 30 < fit["residual_px"][4] < 50
+
+
+def test_predictions_go_both_ways(page):
+    """Pixel to surface and surface to pixel, at the true camera, within the snap's 1.5 px."""
+    camera = page.get("/api/project").json()["photos"][0]["camera"]
+    (uv, *_), (xyz, *_) = corner_points(cameras()[0], 1)
+    address = f"/api/photos/{PHOTO}/predict"
+    on_photo = page.post(address, json={"camera": camera, "xyz": xyz.tolist()}).json()
+    on_model = page.post(address, json={"camera": camera, "uv": uv.tolist()}).json()
+
+    assert np.hypot(*(np.array(on_photo["uv"]) - uv)) < 1.5
+    seen = cameras()[0].project([on_model["xyz"]])[0][0]
+    assert np.hypot(*(seen - uv)) < 1.5
+
+
+def test_a_snap_mends_a_wrong_prediction(page):
+    """With the camera off by 6 px, the place is found again within 2 px where it is distinct."""
+    camera = page.get("/api/project").json()["photos"][0]["camera"]
+    camera["c"] = [camera["c"][0] + 6, camera["c"][1]]
+    uv, xyz = corner_points(cameras()[0], 12)
+    address, errors, kept = f"/api/photos/{PHOTO}/predict", [], 0
+    for pixel, point in zip(uv, xyz, strict=True):
+        found = page.post(address, json={"camera": camera, "xyz": point.tolist()}).json()
+        if found["score"]:
+            errors.append(np.hypot(*(np.array(found["uv"]) - pixel)))
+        else:
+            kept += 1
+
+    assert len(errors) >= 6
+    assert np.median(errors) < 2
+    assert kept + len(errors) == 12
+
+
+# --- jobs
+
+
+def wait_for(check, seconds=60):
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        if found := check():
+            return found
+        time.sleep(0.05)
+    raise AssertionError("waited in vain")
+
+
+def test_solve_registers_one_photo_from_its_picks(own):
+    """The job writes cameras.json; the camera is the true one within 0.1 px."""
+    root, page = own
+    picks = picks_of(cameras()[3], 10)
+    page.put("/api/photos/0003.png/picks", json={"picks": picks, "base": "none"})
+    job = page.post("/api/jobs", json={"kind": "solve", "photo": "0003.png"})
+    assert job.status_code == 202
+    record = wait_for(
+        lambda: (r := Project.open(root).load_cameras()["0003.png"]).status == "registered" and r
+    )
+
+    assert record.method == "points"
+    seen = record.camera.project([p["xyz"] for p in picks])[0]
+    assert np.abs(seen - [p["uv"] for p in picks]).max() < 0.1
+
+
+def test_a_job_can_be_stopped(root):
+    """Work that listens ends as cancelled, and the next one runs."""
+    session = Session(root, PreviewOptions())
+    started = []
+
+    def endless(progress):
+        while True:
+            started.append(1)
+            progress("work", 0, 1, "")
+            time.sleep(0.01)
+
+    job, future = session.jobs.start("test", "Test", endless)
+    wait_for(lambda: started)
+    assert session.jobs.cancel(job.id)
+    assert type(future.exception(5)).__name__ == "Cancelled"
+    assert session.jobs.start("test", "Test", lambda progress: 7)[1].result(5) == 7
+    assert not session.jobs.cancel(job.id)
+
+
+def test_unknown_work_is_refused(page):
+    """With the list of what there is."""
+    answer = page.post("/api/jobs", json={"kind": "rm"})
+
+    assert answer.status_code == 400
+    assert "solve" in answer.json()["error"]
+
+
+# --- security
+
+
+def test_answers_carry_the_fixed_headers(page):
+    """Content Security Policy without inline code, no sniffing, no framing, fixed types."""
+    for address in ("/", "/static/app.js", "/api/project", "/nothing"):
+        headers = page.get(address).headers
+        policy = headers["content-security-policy"]
+
+        assert "default-src 'none'" in policy
+        assert "unsafe" not in policy
+        assert "frame-ancestors 'none'" in policy
+        assert headers["x-content-type-options"] == "nosniff"
+        assert headers["cross-origin-resource-policy"] == "same-origin"
+    assert page.get("/static/app.js").headers["content-type"].startswith("text/javascript")
+
+
+@pytest.mark.parametrize(
+    "host",
+    ["evil.example", "evil.example:PORT", "127.0.0.1:80", "127.0.0.1.evil.example:PORT",
+     "localhost:PORT@evil.example", "", "10.0.0.7:PORT", "[::1", "127.0.0.1:PORT/x"],
+)  # fmt: skip
+def test_other_host_names_are_refused(page, host):
+    """A rebound name reaches the server but gets nothing."""
+    host = host.replace("PORT", str(page.base_url.port))
+
+    assert page.get("/api/project", headers={"host": host}).status_code in (400, 403)
+
+
+@pytest.mark.parametrize("name", ["localhost", "127.0.0.1", "[::1]"])
+def test_own_names_are_served(page, name):
+    """All names of the loopback."""
+    host = own_name(page, name)
+
+    assert page.get("/api/project", headers={"host": host}).status_code == 200
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [{"origin": "http://evil.example"}, {"origin": "null"}, {"origin": "http://127.0.0.1:9999"},
+     {"origin": "https://127.0.0.1:PORT"}, {"sec-fetch-site": "cross-site"},
+     {"sec-fetch-site": "same-site"}],
+)  # fmt: skip
+@pytest.mark.parametrize("method", ["GET", "POST", "PUT", "DELETE"])
+def test_other_sites_are_refused(page, headers, method):
+    """Neither reading nor writing, by form, script or image."""
+    headers = {k: v.replace("PORT", str(page.base_url.port)) for k, v in headers.items()}
+    answer = page.request(method, "/api/jobs", headers=headers, json={"kind": "register"})
+
+    assert answer.status_code == 403
+
+
+def test_a_link_to_the_page_may_be_followed(page):
+    """Navigation from elsewhere is what links are for."""
+    headers = {"sec-fetch-site": "cross-site", "sec-fetch-mode": "navigate"}
+
+    assert page.get("/", headers=headers).status_code == 200
+
+
+def test_forms_are_not_read(page):
+    """Only JSON, which a foreign form cannot send without asking first."""
+    for kind in ("text/plain", "application/x-www-form-urlencoded", "multipart/form-data"):
+        answer = page.post("/api/jobs", content='{"kind":"run"}', headers={"content-type": kind})
+        assert answer.status_code == 415
+
+
+def test_long_requests_are_refused(root):
+    """By their declared length, and by what really comes."""
+    with client(root, max_request_bytes=1000) as page:
+        address = f"/api/photos/{PHOTO}/picks"
+        declared = page.put(address, content=b"{" + b" " * 2000 + b"}",
+                            headers={"content-type": "application/json"})  # fmt: skip
+        chunks = iter([b"{", *[b" " * 400] * 5, b"}"])
+        streamed = page.put(address, content=chunks, headers={"content-type": "application/json"})
+
+        assert declared.status_code == 413
+        assert streamed.status_code == 413
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["/static/../../../pyproject.toml", "/static/..%2f..%2fapp.py", "/static/%2e%2e/app.py",
+     "/static/sources.sha256", "/api/models/..%2fcameras.json", "/api/models/report.html",
+     "/api/photos/..%2f..%2fetc%2fpasswd/image", "/api/photos/%2e%2e/image",
+     "/api/photos/..%5c..%5cx/picks", "/api/photos/nothing.png/picks"],
+)  # fmt: skip
+def test_no_path_leaves_the_project(page, path):
+    """Dots, encoded dots and slashes, other files: not found."""
+    assert page.get(path).status_code == 404
+
+
+def test_links_out_of_the_project_are_not_followed(own, tmp_path):
+    """A linked model or linked picks would show or overwrite a file elsewhere."""
+    root, page = own
+    secret = tmp_path / "secret.csv"
+    secret.write_text("u,v,x,y,z\n")
+    (root / "out").mkdir()
+    (root / "out" / "model.glb").symlink_to(secret)
+    (root / "correspondences" / "0000.csv").symlink_to(secret)
+    saved = page.put(f"/api/photos/{PHOTO}/picks", json={"picks": [], "base": "none"})
+
+    assert page.get("/api/models/model.glb").status_code == 403
+    assert page.get(f"/api/photos/{PHOTO}/picks").status_code == 403
+    assert saved.status_code == 403
+    assert secret.read_text() == "u,v,x,y,z\n"
+
+
+def test_a_linked_photo_that_is_none_shows_nothing(own):
+    """Linked photos are allowed (`texproj new` makes them), but only pictures come out."""
+    root, page = own
+    (root / "photos" / "linked.jpg").symlink_to("/etc/passwd")
+    answer = page.get("/api/photos/linked.jpg/image?size=240")
+
+    assert answer.status_code == 422
+    assert "root:" not in answer.text
+
+
+def test_beyond_loopback_a_token_is_needed(root):
+    """The token in the address becomes a cookie that other sites cannot use; a wrong one fails."""
+    with client(root, host="0.0.0.0", token="right") as page:
+        assert page.get("/api/project").status_code == 401
+        assert page.get("/?token=wrong").status_code == 401
+        first = page.get("/?token=right", follow_redirects=False)
+
+        assert first.status_code == 303
+        assert first.headers["location"] == "/"
+        assert "HttpOnly" in first.headers["set-cookie"]
+        assert "samesite=strict" in first.headers["set-cookie"].lower()
+        assert page.get("/api/project").status_code == 200
+
+
+def test_beyond_loopback_foreign_names_are_still_refused(root):
+    """IP addresses are fine there; a name that is not the machine's is a rebinding."""
+    with client(root, host="0.0.0.0", token="right") as page:
+        page.get("/?token=right")
+
+        assert page.get("/", headers={"host": own_name(page, "192.168.1.5")}).status_code == 200
+        assert page.get("/", headers={"host": own_name(page, "evil.example")}).status_code == 403
