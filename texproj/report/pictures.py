@@ -20,7 +20,8 @@ OVERLAY_LONGEST = 800
 VIEW_SIZE = (640, 480)
 """Width and height of a view of the model, pixels."""
 VIEW_ANGLES_DEG = (0.0, -55.0, 55.0)
-"""Turns about the upward axis from the photos' mean viewpoint: front, one side, the other."""
+"""Turns about the upward axis from where most photos were taken: front, one side, the other."""
+VIEW_ELEVATION_DEG = 12.0
 RESIDUAL_MAGNIFICATION = 20
 """Residuals of a pixel or so would be invisible in a reduced photo."""
 EDGE_DEPTH_RATIO = 0.01
@@ -106,16 +107,15 @@ def on_paper(picture: Image) -> Image:
 
 
 def viewpoints(mesh: Mesh, cameras: Sequence[Camera]) -> list[Camera]:
-    """Cameras around the mesh, the first from where the photos were taken on average.
+    """Cameras around the mesh, the first from where most photos were taken.
 
     Upward in the views is upward in the photos.
     """
     center, distance = mesh.center, 1.1 * mesh.diagonal
-    ups = [-camera.pose.R[1] for camera in cameras]
-    backs = [_unit(camera.center - center) for camera in cameras]
-    up = _unit(np.mean(ups, axis=0)) if cameras else np.array([0.0, 0, 1])
-    back = np.mean(backs, axis=0) if cameras else np.array([0.0, -1, 0.3])
-    back = _unit(back) if np.linalg.norm(back) > 0.2 else _unit(backs[0])
+    up, front = _upward(cameras), _frontal(cameras, center)
+    level = _unit(front - up * (front @ up))
+    elevation = np.radians(VIEW_ELEVATION_DEG)
+    back = np.cos(elevation) * level + np.sin(elevation) * up
     width, height = VIEW_SIZE
     focal = 1.1 * width
     lens = Intrinsics(width, height, focal, focal, width / 2, height / 2)
@@ -124,6 +124,27 @@ def viewpoints(mesh: Mesh, cameras: Sequence[Camera]) -> list[Camera]:
         turn = cv2.Rodrigues(up * np.radians(angle_deg))[0]
         views.append(Camera(lens, Pose.look_at(center + distance * turn @ back, center, up)))
     return views
+
+
+def _upward(cameras: Sequence[Camera]) -> NDArray[np.float64]:
+    """Upward in the world: what is most at right angles to the photos' horizontal axes."""
+    if not cameras:
+        return np.array([0.0, 0, 1])
+    ups = -np.mean([camera.pose.R[1] for camera in cameras], axis=0)
+    if len(cameras) < 3:
+        return _unit(ups)
+    _, spread, axes = np.linalg.svd(np.array([camera.pose.R[0] for camera in cameras]))
+    if spread[1] < 0.3 * spread[0]:  # all from one side: the horizontal axes say too little
+        return _unit(ups)
+    return axes[2] * np.sign(axes[2] @ ups)
+
+
+def _frontal(cameras: Sequence[Camera], center: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Direction from the mesh to the camera that has most others around it."""
+    if not cameras:
+        return np.array([0.0, -1, 0])
+    backs = np.array([_unit(camera.center - center) for camera in cameras])
+    return backs[((backs @ backs.T).clip(0) ** 4).sum(1).argmax()]
 
 
 def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:

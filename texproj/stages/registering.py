@@ -138,10 +138,8 @@ def _attempt(bench: Workbench, name: str, start: CameraRecord | None) -> CameraR
     """Try what the settings ask for; the failure of a photo becomes its entry."""
     try:
         fit = _fit(bench, name, start)
-    except RegistrationError as error:
-        return _failed_record(bench.project, name, start, str(error))
-    except InputError as error:
-        return _failed_record(bench.project, name, start, str(error))
+    except (RegistrationError, InputError) as error:
+        return _failed_record(bench.project, name, start, str(error).removeprefix(f"{name}: "))
     if not fit.accepted:
         return _failed_record(bench.project, name, start, fit.reason, fit)
     return _record_of_fit(name, start, fit)
