@@ -25,6 +25,7 @@ Bools = NDArray[np.bool_]
 
 SWAPS = 4  # rounds in which steep faces at a border may change to the neighbor
 RELAXATIONS = 4  # rounds in which corners of folded faces move between their neighbors
+SMALL_OVERLAP = 0.03  # of a chart's area: less is peeled from its border, more halves the chart
 PEELS = 6  # rounds in which overlaps are peeled from their borders before a chart is halved
 MOST_ROUNDS = 40  # then every face left becomes a chart
 
@@ -44,18 +45,20 @@ def flatten(mesh: Mesh, density: Floats, options: UnwrapOptions) -> tuple[Charts
     finished, overlaps = [], 0
     for number in range(MOST_ROUNDS):
         charts, bad = _unfolded(mesh, project(mesh, faces, labels), options)
-        at_border, layered = doubled(charts, _row_height(charts, area, density))
-        bad |= at_border
-        again = bad | layered[charts.chart_of_face]
+        at_border, twice = doubled(charts, _row_height(charts, area, density))
+        of_chart = charts.chart_of_face
+        total = np.bincount(of_chart, area[faces], charts.count)
+        halve = twice > (SMALL_OVERLAP * total if number < PEELS else 0)
+        bad |= at_border & ~halve[of_chart]
+        again = bad | (twice > 0)[of_chart]
         finished.append(select(charts, np.flatnonzero(~again), graph))
         if not again.any():
             break
-        overlaps += int(np.count_nonzero(layered))
-        if number >= PEELS:
-            labels = _halved(mesh, charts, layered)
+        overlaps += int(np.count_nonzero(twice))
         rows = np.flatnonzero(again)
         graph, faces = graph.restricted(rows), faces[rows]
-        labels = _cut_off(mesh, faces, labels[rows], bad[rows], graph, options)
+        labels = _halved(mesh, charts, halve)[rows]
+        labels = _cut_off(mesh, faces, labels, bad[rows], graph, options)
     else:
         finished.append(project(mesh, faces, np.arange(len(faces))))
     return join(finished), overlaps

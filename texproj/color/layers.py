@@ -16,8 +16,9 @@ MOST_ROWS = 8192  # per chart
 SHORTEST = 1e-3  # of a row's height: shorter overlaps are rounding
 
 
-def doubled(charts: Charts, row_height: Floats) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """(n,) faces on the border of what is covered twice; (count,) charts that cover themselves.
+def doubled(charts: Charts, row_height: Floats) -> tuple[NDArray[np.bool_], Floats]:
+    """(n,) faces on the border of what is covered twice; (count,) area covered twice, exactly 0
+    for charts that do not cover themselves.
 
     row_height: (count,) distance of the rows walked along, in the units of uv.
     """
@@ -32,9 +33,8 @@ def doubled(charts: Charts, row_height: Floats) -> tuple[NDArray[np.bool_], NDAr
     touched = np.zeros(len(charts.uv), bool)
     touched[edges[edge[twice]]] = True
     touched[edges[edge[twice + 1]]] = True
-    own = np.zeros(charts.count, bool)
-    own[chart[twice]] = True
-    return touched[charts.faces].sum(axis=1) > 1, own
+    area = np.bincount(chart[twice], (length * row_height[chart])[twice], charts.count)
+    return touched[charts.faces].sum(axis=1) > 1, area
 
 
 def _crossings(charts: Charts, edges: Ints, row_height: Floats) -> tuple[Ints, Ints, Floats, Ints]:

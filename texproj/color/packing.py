@@ -44,7 +44,7 @@ def pack(charts: Charts, padding_px: int, page_size: int) -> Placement:
         uv, page, failed = _transfer(trays, cell, proxy, placed)
         if not failed.any():
             page_of_uv = page[trays.chart_of_uv]
-            return _finish(charts, (uv * cell)[rows], page_of_uv[rows], gap * cell // 2)
+            return _finish(charts, (uv * cell)[rows], page_of_uv[rows], -(-gap * cell // 2))
         boxed |= failed
     raise RenderError("xatlas could not place all charts: lower the texture resolution")
 
@@ -93,8 +93,12 @@ def _run(proxy: _Proxy, gap: int, page_cells: int) -> _Placed:
 
 
 def _xatlas(proxy: _Proxy, gap: int, resolution: int) -> tuple[_Placed, int, int]:
+    """Positions, width and height in cells. xatlas takes corners at equal places for the same
+    corner, so each chart gets a shift of its own below one cell.
+    """
     atlas = xatlas.Atlas()
-    atlas.add_uv_mesh(proxy.uv.astype(np.float32), proxy.faces.astype(np.uint32))
+    apart = proxy.chart[:, None] * np.array([0.6180339887, 0.7548776662]) % 1
+    atlas.add_uv_mesh((proxy.uv + apart).astype(np.float32), proxy.faces.astype(np.uint32))
     options = xatlas.PackOptions()
     options.texels_per_unit = 1.0
     options.resolution = resolution

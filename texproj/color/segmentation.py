@@ -62,17 +62,22 @@ def dual_graph(mesh: Mesh) -> DualGraph:
 
 
 def smoothed_normals(area_normals: Floats, graph: DualGraph) -> Floats:
-    """(F, 3) normals of length area, averaged over the neighbors so that noise does not count."""
+    """(F, 3) normals of length area, averaged over the neighbors so that noise does not count.
+
+    Neighbors count in full up to three quarters of a right angle and not at all beyond a right
+    angle, so that the edges of a box stay.
+    """
     count = len(area_normals)
-    i, j = graph.pairs.T
-    weights = np.ones(2 * len(i), np.float32)
-    neighbors = sparse.csr_matrix((weights, (np.r_[i, j], np.r_[j, i])), shape=(count, count))
     area = np.linalg.norm(area_normals, axis=1, keepdims=True).astype(np.float32)
+    area = np.maximum(area, np.float32(1e-30))
     normals = area_normals.astype(np.float32)
-    tiny = np.float32(1e-30)
+    i, j = graph.pairs.T
+    cosine = np.einsum("ij,ij->i", normals[i], normals[j]) / (area[i] * area[j])[:, 0]
+    alike = np.tile(np.clip(4 * cosine, 0, 1), 2)
+    neighbors = sparse.csr_matrix((alike, (np.r_[i, j], np.r_[j, i])), shape=(count, count))
     for _ in range(SMOOTHING_ROUNDS):
         normals = normals + neighbors @ normals
-        normals *= area / (np.linalg.norm(normals, axis=1, keepdims=True) + tiny)
+        normals *= area / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
     return normals.astype(np.float64)
 
 
