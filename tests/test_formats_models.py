@@ -1,0 +1,372 @@
+"""Colored models as other programs read them: trimesh and MeshLab open what was written."""
+
+import io
+import json
+import struct
+import time
+
+import cv2
+import imagecodecs
+import numpy as np
+import pymeshlab
+import pytest
+import tifffile
+import trimesh
+from PIL import Image
+
+from texproj.formats.models import (
+    encode_image,
+    encode_pages,
+    write_glb,
+    write_obj,
+    write_ply,
+)
+from texproj.mesh import Mesh, TexturedMesh, vertex_normals
+
+UTM = np.array([691_607.25, 5_334_760.5, 512.0])
+
+
+def page(seed, height=64, width=96, dtype=np.uint8, channels=3):
+    """A smooth page without symmetry."""
+    rng = np.random.default_rng(seed)
+    top = np.iinfo(dtype).max
+    coarse = rng.random((4, 6, channels)).astype(np.float32)
+    smooth = cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
+    return np.round(np.clip(smooth, 0, 1) * top).astype(dtype)
+
+
+def model(pages=2, untextured=True, offset=0.0, normals=False, dtype=np.uint8):
+    """An icosphere whose faces lie anywhere on any page, seams at every edge."""
+    sphere = trimesh.creation.icosphere(2)
+    rng = np.random.default_rng(1)
+    count = len(sphere.faces)
+    vertices = np.array(sphere.vertices) * (1, 2, 3) + offset
+    faces = np.array(sphere.faces, np.int32)
+    return TexturedMesh(
+        vertices,
+        faces,
+        rng.random((3 * count, 2)),
+        np.arange(3 * count, dtype=np.int32).reshape(-1, 3),
+        rng.integers(-1 if untextured else 0, pages, count).astype(np.int32),
+        tuple(page(seed, dtype=dtype) for seed in range(pages)),
+        vertex_normals(Mesh(vertices, faces)) if normals else None,
+    )
+
+
+def sampled(image, uv):
+    """(n, 3) bilinear texture lookups in 0..1, v up, the texture's border repeated."""
+    height, width = image.shape[:2]
+    at = (uv * (1, -1) + (0, 1)) * (width, height) - 0.5
+    x, y = at.astype(np.float32).T
+    top = np.iinfo(image.dtype).max
+    return cv2.remap(
+        image[..., :3].astype(np.float32) / top, x[:, None], y[:, None],
+        cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE,
+    )[:, 0]  # fmt: skip
+
+
+def random_points(faces, seed=5):
+    """(F, 3) barycentric weights of a random point on each face."""
+    return np.random.default_rng(seed).dirichlet([1, 1, 1], len(faces))
+
+
+def mixed(corners, weights):
+    """(F, k) values at a point of each face from (F, 3, k) values at its corners."""
+    return np.einsum("fc,fck->fk", weights, corners)
+
+
+def colors_at_random_points(textured, number):
+    """What the model itself says: positions and colors on the faces of one page, in order."""
+    rows = textured.page_of_face == number
+    weights = random_points(np.flatnonzero(rows))
+    xyz = mixed(textured.vertices[textured.faces[rows]], weights)
+    uv = mixed(textured.uv[textured.uv_faces[rows]], weights)
+    return xyz, sampled(textured.pages[number], uv)
+
+
+def by_material(path):
+    """Geometries of a file as trimesh reads them, with their transforms, by material."""
+    scene = trimesh.load_scene(path, process=False)
+    parts = {}
+    for node in scene.graph.nodes_geometry:
+        transform, name = scene.graph[node]
+        part = scene.geometry[name]
+        xyz = part.vertices @ transform[:3, :3].T + transform[:3, 3]
+        parts[part.visual.material.name] = (part, xyz)
+    return parts
+
+
+def texture_image(material):
+    image = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
+    return np.asarray(image.convert("RGB"))
+
+
+FORMATS = ["obj png", "obj jpeg", "obj webp", "obj tiff", "glb png", "glb jpeg"]
+
+
+@pytest.mark.parametrize("normals", [False, True], ids=["plain", "normals"])
+@pytest.mark.parametrize("kind", FORMATS)
+def test_trimesh_finds_the_same_colors_at_random_points_of_the_surface(tmp_path, kind, normals):
+    """Every page a material of its own; faces without texture have none."""
+    suffix, images = kind.split()
+    textured = model(normals=normals)
+    path = tmp_path / f"model.{suffix}"
+    (write_obj if suffix == "obj" else write_glb)(path, textured, images)
+    parts = by_material(path)
+    assert set(parts) == {"untextured", "page_0", "page_1"}
+    for number in (0, 1):
+        part, xyz = parts[f"page_{number}"]
+        weights = random_points(part.faces)
+        expected_xyz, expected_rgb = colors_at_random_points(textured, number)
+        np.testing.assert_allclose(mixed(xyz[part.faces], weights), expected_xyz, atol=1e-6)
+        uv = mixed(part.visual.uv[part.faces], weights)
+        rgb = sampled(texture_image(part.visual.material), uv)
+        np.testing.assert_allclose(rgb, expected_rgb, atol=0.04 if images == "jpeg" else 1e-3)
+        if normals:
+            inward = (part.vertex_normals * (xyz / (1, 4, 9))).sum(1)
+            assert (inward > 0).all()
+    bare, _ = parts["untextured"]
+    assert len(bare.faces) == (textured.page_of_face < 0).sum()
+
+
+@pytest.mark.parametrize("kind", ["obj", "glb"])
+def test_meshlab_finds_the_same_colors_at_random_points_of_the_surface(tmp_path, kind):
+    """MeshLab itself looks the colors up: to 8 bits, from the nearest texel of a smooth page."""
+    textured = model(untextured=False)
+    path = tmp_path / f"model.{kind}"
+    (write_obj if kind == "obj" else write_glb)(path, textured)
+    meshes = pymeshlab.MeshSet()
+    meshes.load_new_mesh(str(path))
+    if kind == "glb":
+        meshes.generate_by_merging_visible_meshes(mergevertices=False)
+    mesh, number = meshes.current_mesh(), meshes.current_mesh_id()
+    assert mesh.texture_number() == 2
+    assert mesh.has_wedge_tex_coord()
+    assert mesh.face_number() == len(textured.faces)
+    xyz, rgb = (np.concatenate(v) for v in zip(*map(colors_of(textured), (0, 1)), strict=True))
+    meshes.add_mesh(pymeshlab.Mesh(xyz))
+    meshes.transfer_texture_to_color_per_vertex(
+        sourcemesh=number, targetmesh=meshes.current_mesh_id()
+    )
+    found = meshes.current_mesh().vertex_color_matrix()[:, :3]
+    np.testing.assert_allclose(found, rgb, atol=0.06)
+    assert np.abs(found - rgb).mean() < 0.012
+
+
+def colors_of(textured):
+    return lambda number: colors_at_random_points(textured, number)
+
+
+def test_an_obj_names_its_files_and_nothing_else_is_written(tmp_path):
+    written = write_obj(tmp_path / "model.obj", model(), "jpeg")
+    names = ["model.obj", "model.mtl", "model_0.jpg", "model_1.jpg"]
+    assert [file.name for file in written] == names
+    assert sorted(file.name for file in tmp_path.iterdir()) == sorted(names)
+    text = (tmp_path / "model.mtl").read_text()
+    assert "map_Kd model_0.jpg" in text
+    assert str(tmp_path) not in text
+    lines = (tmp_path / "model.obj").read_text().splitlines()
+    assert lines[0] == "mtllib model.mtl"
+    assert {line.split()[0] for line in lines} == {"mtllib", "v", "vt", "usemtl", "f"}
+
+
+# --- coordinates
+
+
+@pytest.mark.parametrize("kind", ["obj", "glb", "ply"])
+def test_surveyed_coordinates_survive(tmp_path, kind):
+    """A model of 6 units at 5 million units from the origin, to a millionth of its size."""
+    textured = model(offset=UTM)
+    path = tmp_path / f"model.{kind}"
+    if kind == "ply":
+        write_ply(path, textured.vertices, textured.faces, np.zeros((162, 3), np.uint8))
+        np.testing.assert_array_equal(
+            trimesh.load_mesh(path, process=False).vertices, textured.vertices
+        )
+        return
+    (write_obj if kind == "obj" else write_glb)(path, textured)
+    for number in (0, 1):
+        part, xyz = by_material(path)[f"page_{number}"]
+        expected = textured.vertices[textured.faces[textured.page_of_face == number]]
+        np.testing.assert_allclose(xyz[part.faces], expected, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("scale", [1e-4, 1.0, 1e5])
+def test_obj_digits_follow_the_size_of_the_model(tmp_path, scale):
+    textured = model(untextured=False)
+    scaled = TexturedMesh(**(vars(textured) | {"vertices": textured.vertices * scale}))
+    write_obj(tmp_path / "m.obj", scaled)
+    lines = [li for li in (tmp_path / "m.obj").read_text().splitlines() if li.startswith("v ")]
+    read = np.array([line.split()[1:] for line in lines], float)
+    np.testing.assert_allclose(read, scaled.vertices, rtol=0, atol=1e-9 * 8 * scale)
+
+
+def test_small_models_are_written_in_single_precision(tmp_path):
+    textured = model()
+    write_ply(tmp_path / "m.ply", textured.vertices, textured.faces, np.zeros((162, 3), np.uint8))
+    assert b"property float x" in (tmp_path / "m.ply").read_bytes()
+    write_glb(tmp_path / "m.glb", textured)
+    assert b'"translation"' not in (tmp_path / "m.glb").read_bytes()
+
+
+# --- ply
+
+
+@pytest.mark.parametrize("channels", [3, 4])
+@pytest.mark.parametrize("normals", [False, True], ids=["plain", "normals"])
+def test_ply_colors_reach_trimesh_and_meshlab_in_the_order_of_the_file(tmp_path, channels, normals):
+    """A vertex without a face and with NaN coordinates keeps its place."""
+    textured = model()
+    vertices = np.vstack([textured.vertices, [[np.nan] * 3], [[9, 9, 9]]])
+    colors = np.random.default_rng(0).integers(0, 256, (164, channels)).astype(np.uint8)
+    units = np.tile([0.0, 0.6, 0.8], (164, 1))
+    path = tmp_path / "m.ply"
+    write_ply(path, vertices, textured.faces, colors, units if normals else None)
+    read = trimesh.load_mesh(path, process=False)
+    np.testing.assert_array_equal(read.faces, textured.faces)
+    np.testing.assert_array_equal(read.visual.vertex_colors[:, :channels], colors)
+    if normals:
+        np.testing.assert_allclose(read.metadata["_ply_raw"]["vertex"]["data"]["ny"], 0.6)
+    write_ply(path, textured.vertices, textured.faces, colors[:162], None)
+    meshes = pymeshlab.MeshSet()
+    meshes.load_new_mesh(str(path))
+    mesh = meshes.current_mesh()
+    np.testing.assert_array_equal(mesh.face_matrix(), textured.faces)
+    seen = np.round(mesh.vertex_color_matrix()[:, :channels] * 255)
+    np.testing.assert_array_equal(seen, colors[:162])
+
+
+# --- glb
+
+
+def glb_json(path):
+    data = path.read_bytes()
+    magic, version, total, length, kind = struct.unpack("<4sIII4s", data[:20])
+    assert (magic, version, kind) == (b"glTF", 2, b"JSON")
+    assert total == len(data)
+    return json.loads(data[20 : 20 + length]), data[20 + length + 8 :]
+
+
+def test_a_glb_keeps_the_rules_of_gltf(tmp_path):
+    """Alignment, bounds, buffer views inside the buffer, indices inside their primitive."""
+    write_glb(tmp_path / "m.glb", model(normals=True, offset=UTM))
+    content, binary = glb_json(tmp_path / "m.glb")
+    assert content["buffers"] == [{"byteLength": len(binary)}]
+    for view in content["bufferViews"]:
+        assert view["byteOffset"] % 4 == 0
+        assert view["byteOffset"] + view["byteLength"] <= len(binary)
+    widths = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}
+    arrays = []
+    for accessor in content["accessors"]:
+        view = content["bufferViews"][accessor["bufferView"]]
+        dtype = "<u4" if accessor["componentType"] == 5125 else "<f4"
+        raw = binary[view["byteOffset"] :][: view["byteLength"]]
+        arrays.append(np.frombuffer(raw, dtype).reshape(-1, widths[accessor["type"]]))
+        assert len(arrays[-1]) == accessor["count"]
+    for primitive in content["meshes"][0]["primitives"]:
+        position = arrays[primitive["attributes"]["POSITION"]]
+        accessor = content["accessors"][primitive["attributes"]["POSITION"]]
+        np.testing.assert_array_equal(accessor["min"], position.min(0))
+        np.testing.assert_array_equal(accessor["max"], position.max(0))
+        assert arrays[primitive["indices"]].max() == len(position) - 1
+        normal = arrays[primitive["attributes"]["NORMAL"]]
+        np.testing.assert_allclose(np.linalg.norm(normal, axis=1), 1, atol=1e-6)
+    for image in content["images"]:
+        assert "bufferView" in image
+    assert content["samplers"][0]["wrapS"] == 33071
+
+
+def test_unlit_is_declared_and_optional(tmp_path):
+    write_glb(tmp_path / "m.glb", model())
+    content, _ = glb_json(tmp_path / "m.glb")
+    assert content["extensionsUsed"] == ["KHR_materials_unlit"]
+    assert "extensionsRequired" not in content
+    assert all("KHR_materials_unlit" in m["extensions"] for m in content["materials"])
+    write_glb(tmp_path / "m.glb", model(), unlit=False)
+    content, _ = glb_json(tmp_path / "m.glb")
+    assert "extensionsUsed" not in content
+
+
+def test_a_glb_without_any_texture_is_still_a_mesh(tmp_path):
+    textured = model(pages=0)
+    write_glb(tmp_path / "m.glb", textured)
+    assert len(trimesh.load_mesh(tmp_path / "m.glb").faces) == 320
+    write_obj(tmp_path / "m.obj", textured)
+    assert len(trimesh.load_mesh(tmp_path / "m.obj").faces) == 320
+
+
+def test_encoded_pages_are_shared_between_formats(tmp_path):
+    textured = model()
+    images = encode_pages(textured.pages, "png")
+    write_obj(tmp_path / "m.obj", textured, "png", images)
+    write_glb(tmp_path / "m.glb", textured, "png", images=images)
+    assert (tmp_path / "m_0.png").read_bytes() == images[0]
+    assert images[1] in (tmp_path / "m.glb").read_bytes()
+
+
+# --- images
+
+
+@pytest.mark.parametrize("channels", [3, 4])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_png_and_tiff_keep_every_value_and_say_srgb(dtype, channels):
+    pixels = page(3, dtype=dtype, channels=channels)
+    png = encode_image(pixels, "png")
+    np.testing.assert_array_equal(imagecodecs.png_decode(png), pixels)
+    with Image.open(io.BytesIO(png)) as image:
+        image.load()
+        assert image.info["srgb"] == 0
+    tiff = encode_image(pixels, "tiff")
+    with tifffile.TiffFile(io.BytesIO(tiff)) as file:
+        np.testing.assert_array_equal(file.asarray(), pixels)
+        assert file.pages.first.iccprofile[16:20] == b"RGB "
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_jpeg_is_close_has_full_chroma_and_carries_its_profile(dtype):
+    pixels = page(4, dtype=dtype)
+    eight = np.round(pixels / (np.iinfo(dtype).max / 255)).astype(int)
+    with Image.open(io.BytesIO(encode_image(pixels, "jpeg"))) as image:
+        assert np.abs(np.asarray(image).astype(int) - eight).mean() < 1.5
+        assert image.info["icc_profile"][16:20] == b"RGB "
+        assert [layer[1:3] for layer in image.layer] == [(1, 1)] * 3
+    from_cv2 = cv2.imdecode(np.frombuffer(encode_image(pixels, "jpeg"), np.uint8), 1)
+    assert from_cv2.shape == pixels.shape
+
+
+def test_webp_keeps_every_value():
+    pixels = page(5)
+    with Image.open(io.BytesIO(encode_image(pixels, "webp"))) as image:
+        np.testing.assert_array_equal(np.asarray(image.convert("RGB")), pixels)
+
+
+def test_alpha_is_left_out_of_a_jpeg():
+    with Image.open(io.BytesIO(encode_image(page(6, channels=4), "jpeg"))) as image:
+        assert image.mode == "RGB"
+
+
+# --- speed
+
+
+def test_writing_is_quick(tmp_path):
+    """330 k faces, processor time; bounds generous for busy machines."""
+    sphere = trimesh.creation.icosphere(7)
+    count = len(sphere.faces)
+    uv = np.random.default_rng(0).random((3 * count, 2))
+    textured = TexturedMesh(
+        np.array(sphere.vertices), np.array(sphere.faces, np.int32), uv,
+        np.arange(3 * count, dtype=np.int32).reshape(-1, 3), np.zeros(count, np.int32), (page(0),),
+    )  # fmt: skip
+    for write, suffix, seconds in ((write_obj, "obj", 6.0), (write_glb, "glb", 3.0)):
+        start = time.process_time()
+        write(tmp_path / f"m.{suffix}", textured)
+        assert time.process_time() - start < seconds
+
+
+def test_a_large_png_is_quick():
+    """4096 x 4096, smooth with noise, processor time."""
+    noise = np.random.default_rng(0).integers(0, 6, (4096, 4096, 3)).astype(np.uint8)
+    pixels = cv2.resize(page(0), (4096, 4096)) // 2 + noise
+    start = time.process_time()
+    assert len(encode_image(pixels, "png")) < pixels.size
+    assert time.process_time() - start < 3
