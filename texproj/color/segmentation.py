@@ -15,6 +15,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 SMOOTHING_ROUNDS = 3
+ROUGH_DEG = 8.0
 SMALL = 0.1  # of the area of the region joined
 COMPACTNESS = 1e-3  # prefers small regions and long borders where the flatness does not decide
 
@@ -65,20 +66,40 @@ def smoothed_normals(area_normals: Floats, graph: DualGraph) -> Floats:
     """(F, 3) normals of length area, averaged over the neighbors so that noise does not count.
 
     Neighbors count in full up to three quarters of a right angle and not at all beyond a right
-    angle, so that the edges of a box stay.
+    angle, so that the edges of a box stay; where noise bends every edge, all count in full.
     """
     count = len(area_normals)
-    area = np.linalg.norm(area_normals, axis=1, keepdims=True).astype(np.float32)
-    area = np.maximum(area, np.float32(1e-30))
+    area = np.maximum(np.linalg.norm(area_normals, axis=1, keepdims=True), 1e-30)
+    area = area.astype(np.float32)
     normals = area_normals.astype(np.float32)
     i, j = graph.pairs.T
     cosine = np.einsum("ij,ij->i", normals[i], normals[j]) / (area[i] * area[j])[:, 0]
-    alike = np.tile(np.clip(4 * cosine, 0, 1), 2)
-    neighbors = sparse.csr_matrix((alike, (np.r_[i, j], np.r_[j, i])), shape=(count, count))
+    rough = _rough(cosine, graph, count)
+    alike = np.where(rough[i] & rough[j], 1, np.clip(4 * cosine, 0, 1))
+    neighbors = _symmetric(alike, graph, count)
     for _ in range(SMOOTHING_ROUNDS):
         normals = normals + neighbors @ normals
         normals *= area / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
     return normals.astype(np.float64)
+
+
+def _rough(cosine: Floats, graph: DualGraph, count: int) -> NDArray[np.bool_]:
+    """(F,) faces in whose neighborhood not even the best of a face's neighbors is level with it."""
+    best = np.full(count, -1.0)
+    for side in graph.pairs.T:
+        np.maximum.at(best, side, cosine)
+    best[best == -1] = 1
+    neighbors = _symmetric(np.ones(len(cosine)), graph, count)
+    members = 1 + neighbors.sum(axis=1)
+    mean = (best + neighbors @ best) / members
+    mean = (mean + neighbors @ mean) / members
+    return mean < np.cos(np.radians(ROUGH_DEG))
+
+
+def _symmetric(weights: Floats, graph: DualGraph, count: int) -> sparse.csr_array:
+    i, j = graph.pairs.T
+    both = np.tile(weights.astype(np.float32), 2)
+    return sparse.csr_array((both, (np.r_[i, j], np.r_[j, i])), shape=(count, count))
 
 
 def grow_regions(normals: Floats, pairs: Ints, lengths: Floats, flatness: float) -> Ints:
