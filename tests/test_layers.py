@@ -8,7 +8,7 @@ import pytest
 PACKAGE = Path(__file__).resolve().parent.parent / "texproj"
 
 LAYERS = [
-    {"errors", "__init__"},
+    {"errors"},
     {"options"},
     {"camera", "mesh", "photo", "records"},
     {"solve", "render", "formats", "repair", "files"},
@@ -16,7 +16,7 @@ LAYERS = [
     {"project"},
     {"stages", "doctor"},
     {"preview"},
-    {"cli", "__main__"},
+    {"cli", "__init__", "__main__"},
 ]
 LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}
 SOURCES = sorted(PACKAGE.rglob("*.py"))

@@ -22,6 +22,10 @@ VIEW_SIZE = (640, 480)
 VIEW_ANGLES_DEG = (0.0, -55.0, 55.0)
 """Turns about the upward axis from where most photos were taken: front, one side, the other."""
 VIEW_ELEVATION_DEG = 12.0
+VIEW_DISTANCE = 1.5
+"""From the middle of the mesh, in diagonals of its bounding box."""
+VIEW_FILLED = 0.94
+"""Part of a view that the mesh fills."""
 RESIDUAL_MAGNIFICATION = 20
 """Residuals of a pixel or so would be invisible in a reduced photo."""
 EDGE_DEPTH_RATIO = 0.01
@@ -111,19 +115,26 @@ def viewpoints(mesh: Mesh, cameras: Sequence[Camera]) -> list[Camera]:
 
     Upward in the views is upward in the photos.
     """
-    center, distance = mesh.center, 1.1 * mesh.diagonal
+    center = mesh.center
     up, front = _upward(cameras), _frontal(cameras, center)
     level = _unit(front - up * (front @ up))
     elevation = np.radians(VIEW_ELEVATION_DEG)
     back = np.cos(elevation) * level + np.sin(elevation) * up
-    width, height = VIEW_SIZE
-    focal = 1.1 * width
-    lens = Intrinsics(width, height, focal, focal, width / 2, height / 2)
     views = []
     for angle_deg in VIEW_ANGLES_DEG:
         turn = cv2.Rodrigues(up * np.radians(angle_deg))[0]
-        views.append(Camera(lens, Pose.look_at(center + distance * turn @ back, center, up)))
+        pose = Pose.look_at(center + VIEW_DISTANCE * mesh.diagonal * turn @ back, center, up)
+        views.append(Camera(_filling_lens(mesh, pose), pose))
     return views
+
+
+def _filling_lens(mesh: Mesh, pose: Pose) -> Intrinsics:
+    """A lens of the size of the views in which the mesh just fits."""
+    width, height = VIEW_SIZE
+    xyz = pose.apply(mesh.vertices)
+    reach = np.abs(xyz[:, :2] / xyz[:, 2:]).max(0)
+    focal = VIEW_FILLED / 2 * float(np.min((width, height) / np.maximum(reach, 1e-9)))
+    return Intrinsics(width, height, focal, focal, width / 2, height / 2)
 
 
 def _upward(cameras: Sequence[Camera]) -> NDArray[np.float64]:
