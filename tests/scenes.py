@@ -54,8 +54,16 @@ def scan_of(kind: str = "stele", seed: int = 0, faces: int = 20_000) -> Mesh:
     return scanned(piece(kind, seed), faces, 0.0004, seed)
 
 
-def taken(scene: Scene, scan: Mesh, views, shots, long_side: int, seed: int = 0) -> Synthetic:
-    """Photos of a scene from views, each with its own ShotOptions."""
+HAZY = Lighting(sun=(0.6, 0.54, 0.46), sun_disk_deg=4.0, sky=(0.44, 0.48, 0.54))
+"""A veiled sun: soft shadows, so that true colors do not jump from vertex to vertex."""
+
+
+def taken(
+    scene: Scene, scan: Mesh, views, shots, long_side: int, seed: int = 0, footprint: float = 0.0
+) -> Synthetic:
+    """Photos of a scene from views, each with its own ShotOptions; true colors averaged over a
+    footprint of that deviation in metres.
+    """
     photos, cameras, masks = [], [], []
     for i, (view, how) in enumerate(zip(views, shots, strict=True)):
         camera = camera_at(view, scan.bounds, long_side, np.random.default_rng([seed, i, 51]))
@@ -67,7 +75,7 @@ def taken(scene: Scene, scan: Mesh, views, shots, long_side: int, seed: int = 0)
         photos.append(Photo(info, shot.pixels))
         cameras.append(camera)
         masks.append(shot.object_mask)
-    albedo, shaded = true_colors(scene, scan)
+    albedo, shaded = true_colors(scene, scan, footprint)
     gains = tuple(2.0**how.sensor.ev for how in shots)
     return Synthetic(scan, tuple(photos), tuple(cameras), tuple(masks), albedo, shaded, gains)
 
@@ -98,10 +106,14 @@ def exposure_round(
 ) -> Synthetic:
     """Seven photos of the front for color: exposure steps up to 1 EV either way, vignetting, a
     highlight in all, somebody in front in the third (index 2), the sixth (index 5) out of focus.
+
+    True colors are averaged over 0.45 of a pixel, as good sampling of the photos would give them.
     """
     steps = (0.0, -1.0, 0.0, 0.5, 1.0, 0.0, -0.5)
     shots = [ShotOptions(sensor=Sensor(ev=ev), vignetting=0.35) for ev in steps]
     shots[2] = replace(shots[2], visitor=True)
     shots[5] = replace(shots[5], defocus_px=4.0)
-    scene, scan = scene_of(kind, seed, gloss=0.8), scan_of(kind, seed, faces)
-    return taken(scene, scan, ROUND, shots, long_side, seed)
+    truth, scan = carved(piece(kind, seed), 120_000), scan_of(kind, seed, faces)
+    scene = set_up(truth, painted(seed), HAZY, gloss=0.8)
+    # A pixel of the 720 is 2.8 mm wide on the piece.
+    return taken(scene, scan, ROUND, shots, long_side, seed, 0.45 * 0.0028 * 720 / long_side)

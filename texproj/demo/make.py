@@ -24,6 +24,9 @@ from texproj.records import CameraRecord
 
 Floats = NDArray[np.float32]
 
+FOOTPRINT_SAMPLES = 12
+"""Points over which a footprint is averaged."""
+
 
 @dataclass(frozen=True, eq=False)
 class DemoPhoto:
@@ -92,18 +95,34 @@ def make_demo(
     return DemoProject(scan, tuple(photos), albedo, light)
 
 
-def true_colors(scene: Scene, scan: Mesh) -> tuple[Floats, Floats]:
-    """((V, 3) albedo, (V, 3) light sent out) at the true surface next to each scan vertex.
+def true_colors(scene: Scene, scan: Mesh, footprint: float = 0.0) -> tuple[Floats, Floats]:
+    """((V, 3) albedo, (V, 3) light sent out) of the true surface at each scan vertex.
 
-    Next to: where the line along the vertex' normal, begun 3 mm above it, meets the surface;
-    where it does not, the vertex itself stands in.
+    footprint: 0 for the very point; else the deviation, in metres, of the Gaussian over which
+    the surface around it is averaged, as a pixel averages (a square pixel does so with 0.29 of
+    its width, bilinear sampling adds about as much).
     """
+    rng = np.random.default_rng([len(scan.vertices), 29])
     normals = vertex_normals(scan).astype(np.float32)
     xyz = (scan.vertices - scene.origin).astype(np.float32)
+    parts = []
+    for _ in range(FOOTPRINT_SAMPLES if footprint else 1):
+        aside = rng.standard_normal(xyz.shape, np.float32) * np.float32(footprint)
+        aside -= normals * np.einsum("ij,ij->i", aside, normals)[:, None]
+        parts.append(_colors_near(scene, xyz + aside, normals))
+    albedo, light = np.mean(parts, axis=0)
+    return albedo, light
+
+
+def _colors_near(scene: Scene, xyz: Floats, normals: Floats) -> tuple[Floats, Floats]:
+    """Albedo and light sent out where lines along (n, 3) normals, begun 3 mm above the points,
+    meet the surface; where they do not, the points themselves stand in.
+    """
     sky = np.tile(np.asarray(scene.lighting.sky, np.float32), (len(xyz), 1))
     above = xyz + np.float32(0.003) * normals
     hits = scene.caster.first_hits(above, -normals)
     near = np.flatnonzero(hits.found)
+    xyz, normals = xyz.copy(), normals.copy()
     xyz[near] = above[near] - normals[near] * hits.distance[:, None]
     here = scene.caster.at(hits, scene.surface)
     normals[near], sky[near] = unit(here[:, :3]), here[:, 3:]
