@@ -93,7 +93,7 @@ def test_covariance_predicts_the_spread_over_repetitions(loss):
 
 @pytest.mark.parametrize("kind", ["huber", "cauchy", "truncated"])
 def test_robust_losses_resist_what_moves_least_squares(kind):
-    """A fifth of the values being off by 4 moves the mean line by ~0.8, the robust ones by < 0.2."""
+    """A fifth of the values being off by 4 moves the mean line by 0.8, the robust ones little."""
     x, y = noisy_line(3, sigma=0.1)
     y[::5] += 4
     truth = np.array([2, -0.5])

@@ -14,10 +14,11 @@ from texproj.solve.reprojection import Prior, intrinsic_value
 
 Trust = Literal["known", "approximate", "unknown"]
 
-FOCAL_SIGMA: dict[Trust, float] = {"known": 0.6, "approximate": 0.05, "unknown": 0.6}
+FOCAL_SIGMA: dict[Trust, float] = {"known": 0.2, "approximate": 0.05, "unknown": 0.6}
 """Standard deviation of log f where it is solved. approximate: EXIF rounds to whole millimeters,
 and focusing close lengthens the lens by a few percent; unknown: 24 to 200 mm equivalent lie
-within 1.5 of them; known: solved only because it was asked for or contradicted."""
+within 1.5 of them; known: solved only because it was asked for or contradicted, as by a crop or
+a zoom that nobody wrote down."""
 
 CENTER_SIGMA = 0.015
 """Standard deviation of an uncalibrated principal point, as a part of the longer side."""
@@ -63,10 +64,8 @@ class Lens:
     def looser(self) -> list[Lens]:
         """Models to try when picks contradict this one: the focal length unknown; distortion and
         principal point too."""
-        priors = tuple(
-            replace(p, sigma=FOCAL_SIGMA["unknown"]) if p.name == "focal" else p
-            for p in self.priors
-        )
+        sigma = FOCAL_SIGMA["known" if self.trust == "known" else "unknown"]
+        priors = tuple(replace(p, sigma=sigma) if p.name == "focal" else p for p in self.priors)
         open_focal = replace(self, priors=priors, trust="unknown").freed("focal")
         bent = open_focal.freed("k1")
         models = [open_focal, bent, bent.freed("cx", "cy")]

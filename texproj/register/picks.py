@@ -101,12 +101,19 @@ def refuse_rival(info: PhotoInfo, candidates: list[Candidate], points: Array, li
     for rival in candidates[1:]:
         if rival.length - candidates[0].length > RIVAL:
             break
-        apart = rival.estimate.camera.project(points)[0] - best.camera.project(points)[0]
-        if not np.sqrt((apart**2).sum(axis=1).mean()) <= limit:
+        if not apart_px(best, rival.estimate, points) <= limit:
             raise RegistrationError(
                 f"{info.name}: two different cameras fit the picks equally well; add picks that "
                 f"stand out in depth from the others, and some {emptiest(info, best)}"
             )
+
+
+def apart_px(a: Estimate, b: Estimate, points: Array) -> float:
+    """Root mean square distance between the images of world points in two cameras; inf if one
+    does not see them all."""
+    apart = a.camera.project(points)[0] - b.camera.project(points)[0]
+    mean2 = (apart**2).sum(axis=1).mean()
+    return float(np.sqrt(mean2)) if np.isfinite(mean2) else float("inf")
 
 
 def refuse_uncertain(info: PhotoInfo, estimate: Estimate, error: float, limit: float) -> None:

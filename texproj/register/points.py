@@ -21,12 +21,15 @@ Array = NDArray[np.float64]
 
 DEFAULTS = PointsOptions()
 
-OVERRULE = 14.0
-"""Drop of the description length at which picks overrule what was said of the lens: odds of
-1000 to 1."""
+WRONG_ODDS = 0.01
+"""Odds, before looking at the picks, that a lens in cameras.json or EXIF is not the photo's."""
 
-SUSPICIOUS = 1.5
-"""Noise above this multiple of the usual one makes the search start again without the focal."""
+STEP = 4.6
+"""Description length that each further group of unknowns must save: odds of 10 to 1."""
+
+SUSPICIOUS_NOISE, SUSPICIOUS_OUTLIERS = 1.5, 0.4
+"""Noise above this multiple of the usual one, or a larger share of outliers, makes the search
+start anew without the focal length."""
 
 
 def register_points(
@@ -52,34 +55,70 @@ def register_points(
     search = Search(info, picks, options, start)
     lens = lens_guess(info, prior, options)
     candidates = search.candidates(lens)
+    doubt = None
     if lens.checked:
-        candidates = _overruled(search, lens, candidates)
+        candidates, doubt = _overruled(search, lens, candidates)
     if not candidates:
         raise RegistrationError(check.nothing_fits(info, picks))
-    return _judged(search, lens, candidates, surface)
+    return _judged(search, lens, candidates, doubt, surface)
 
 
-def _overruled(search: Search, lens: Lens, found: list[Candidate]) -> list[Candidate]:
-    """The candidates under the first looser model of the lens that explains the picks far better,
-    or `found` if none does.
+def _overruled(
+    search: Search, lens: Lens, found: list[Candidate]
+) -> tuple[list[Candidate], Candidate | None]:
+    """The candidates under the looser model of the lens that explains the picks far better, or
+    `found` if none does, with the best of those that were not believed.
     """
-    best = found[0].estimate if found else None
-    starts = [c.estimate.camera for c in found]
-    limit = SUSPICIOUS * search.noise.nominal_px
-    if best is None or not best.inliers.all() or best.sigma_px > limit:
-        starts += [c.estimate.camera for c in search.candidates(lens.looser()[0])]
-    for model in lens.looser():
-        others = search.worked_out(model, starts)
-        if others and (not found or others[0].length + OVERRULE < found[0].length):
-            found = others
-    return found
+    first, *more = lens.looser()
+    starts = [c.estimate.camera for c in found[:2]]
+    if not found or _suspicious(search, found[0]):
+        starts += [c.estimate.camera for c in search.candidates(first)[:3]]
+    tried = search.worked_out(first, starts)
+    near = [c.estimate.camera for c in (*tried[:1], *found[:1])]
+    looser = tried
+    for model in more:
+        other = search.worked_out(model, near)
+        if other and (not looser or other[0].length + STEP < looser[0].length):
+            looser = other
+    if looser and (not found or wrong_chance(found[0], looser[0]) > 0.5):
+        return looser, None
+    return found, (looser[0] if looser else None)
 
 
-def _judged(search: Search, lens: Lens, candidates: list[Candidate], surface: Array | None) -> Fit:
+def _suspicious(search: Search, best: Candidate) -> bool:
+    e = best.estimate
+    noisy = e.sigma_px > SUSPICIOUS_NOISE * search.noise.nominal_px
+    return bool(noisy or (~e.inliers).mean() > SUSPICIOUS_OUTLIERS)
+
+
+def wrong_chance(given: Candidate, looser: Candidate) -> float:
+    """Probability that the looser model of the lens is the true one, given the picks."""
+    odds = WRONG_ODDS * np.exp(np.clip((given.length - looser.length) / 2, -50, 50))
+    return float(odds / (1 + odds))
+
+
+def _doubted_error_px(best: Candidate, doubt: Candidate | None, points: Array) -> float:
+    """Expected error with the chance that the lens is not the one given."""
+    error = expected_error_px(best.estimate, best.lens.free, points)
+    if doubt is None:
+        return error
+    chance = wrong_chance(best, doubt)
+    other = expected_error_px(doubt.estimate, doubt.lens.free, points)
+    apart = check.apart_px(best.estimate, doubt.estimate, points)
+    return float(np.sqrt((1 - chance) * error**2 + chance * (other**2 + apart**2)))
+
+
+def _judged(
+    search: Search,
+    lens: Lens,
+    candidates: list[Candidate],
+    doubt: Candidate | None,
+    surface: Array | None,
+) -> Fit:
     """The best candidate as a Fit, if nothing speaks against it."""
     info, picks, best = search.info, search.picks, candidates[0]
     points = surface_points(best.estimate, surface)
-    error = expected_error_px(best.estimate, best.lens.free, points)
+    error = _doubted_error_px(best, doubt, points)
     limit = search.options.max_error_percent / 100 * search.side
     check.refuse_too_few(info, picks, best)
     check.refuse_shape(info, picks, best)
@@ -93,9 +132,10 @@ def _lens_note(given: Lens, best: Candidate) -> str:
     if best.lens.free == given.free and best.lens.trust == given.trust:
         return ""
     before, after = given.intrinsics.fx, best.estimate.camera.intrinsics.fx
+    solved = ", ".join(best.lens.free)
     return (
-        f"the picks contradict the given lens (focal length {before:.0f} px), which was solved: "
-        f"{after:.0f} px"
+        f"the picks contradict the given lens; solved: {solved} (focal length {before:.0f} px -> "
+        f"{after:.0f} px)"
     )
 
 

@@ -22,7 +22,7 @@ INLIER_LIMIT = float(chi2.ppf(0.999, 2))
 """Squared deviation, in its own standard deviations, beyond which a pair is an outlier: a good
 pair with Gaussian noise is lost once in a thousand."""
 
-NOISE_FREEDOM = 3.0
+NOISE_FREEDOM = 2.0
 """Weight of the nominal noise, in scalar residuals, against the noise that the residuals show."""
 
 ROUNDS = 15
@@ -71,8 +71,19 @@ class Estimate:
 def robust_estimate(problem: Reprojection, start: Camera, noise: Noise) -> Estimate | None:
     """The estimate that `start` leads to; None if fewer than four pairs, or a degenerate set,
     support it.
+
+    Tried from a wide fit as well as from a narrow one: the narrow one is drawn to the few pairs
+    that happen to agree, the wide one by outliers; the shorter description is kept.
     """
-    start = _annealed(problem, start, noise)
+    wide = _annealed(problem, start, (noise.gross_px / 3,), noise)
+    narrow = _annealed(problem, wide, (3 * noise.nominal_px, noise.nominal_px), noise)
+    found = [_settled(problem, camera, noise) for camera in (wide, narrow)]
+    sound = [e for e in found if e is not None and np.isfinite(e.length)]
+    return min(sound, key=lambda e: e.length, default=None)
+
+
+def _settled(problem: Reprojection, start: Camera, noise: Noise) -> Estimate | None:
+    """Fit, noise and inliers in turn, from `start` until the inliers stay."""
     distance = _distance(problem, start)
     near = distance < noise.gross_px
     if near.sum() < 4:
@@ -108,9 +119,11 @@ def deviation2(problem: Reprojection, estimate: Estimate) -> Array:
     return np.where(np.isfinite(offset).all(axis=1), d2, np.inf)
 
 
-def _annealed(problem: Reprojection, camera: Camera, noise: Noise) -> Camera:
-    """`camera` after a Cauchy fit, wide then narrow, over the pairs that are not far away."""
-    for scale in (noise.gross_px / 3, 3 * noise.nominal_px, noise.nominal_px):
+def _annealed(
+    problem: Reprojection, camera: Camera, scales_px: tuple[float, ...], noise: Noise
+) -> Camera:
+    """`camera` after Cauchy fits of these scales over the pairs that are not far away."""
+    for scale in scales_px:
         near = _distance(problem, camera) < 8 * noise.gross_px
         if near.sum() < 4:
             return camera
