@@ -156,6 +156,29 @@ def test_a_broken_exif_block_is_no_reason_to_refuse_a_photo(tmp_path):
         assert sorted((info.width, info.height)) == [200, 300]
 
 
+def test_the_exif_block_of_a_png_may_follow_its_pixels(tmp_path):
+    info_of(tmp_path, {FOCAL_35MM: 50}, name="a.png")
+    data = (tmp_path / "a.png").read_bytes()
+    at = data.index(b"eXIf") - 4
+    end = at + 12 + int.from_bytes(data[at : at + 4], "big")
+    (tmp_path / "b.png").write_bytes(data[:at] + data[end:-12] + data[at:end] + data[-12:])
+    assert read_photo_info(tmp_path / "b.png").focal_px == pytest.approx(50 * 300 / 36)
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".png", ".tif"])
+def test_no_pixel_is_decoded_for_a_header(tmp_path, suffix):
+    """Nine tenths of the file may be missing."""
+    noise = np.random.default_rng(0).integers(0, 256, (300, 400, 3)).astype(np.uint8)
+    path = tmp_path / f"a{suffix}"
+    Image.fromarray(noise).save(path)
+    data = path.read_bytes()
+    if suffix == ".tif":
+        assert int.from_bytes(data[4:8], "little") < 100
+    path.write_bytes(data[: len(data) // 10])
+    info = read_photo_info(path)
+    assert (info.width, info.height) == (400, 300)
+
+
 def test_a_panorama_of_many_megapixels_is_no_attack(tmp_path):
     """Pillow refuses headers of more than 179 megapixels unless told otherwise."""
     Image.new("1", (20_000, 10_000)).save(tmp_path / "a.png")

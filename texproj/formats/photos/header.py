@@ -108,9 +108,8 @@ def _pillow_header(path: Path, file: io.BufferedIOBase) -> Header:
         raise InputError(f"{path}: a {kind} image; convert it to jpg, png or tiff")
     channels = {"C": 4, "L": 1, "1": 1, "I": 1}.get(image.mode[0], 3)
     profile = image.info.get("icc_profile") or b""
-    return _header(
-        kind, (*image.size, channels), profile, *_exif(lambda: _pillow_directories(image.getexif()))
-    )
+    block = image.info.get("exif") or b"" if kind == "JPEG" else _png_exif(file)
+    return _header(kind, (*image.size, channels), profile, *_exif(lambda: _directories(block)))
 
 
 def _tiff_header(path: Path, file: io.BufferedIOBase) -> Header:
@@ -174,8 +173,23 @@ def _quiet() -> Iterator[None]:
         yield
 
 
-def _pillow_directories(exif: Any) -> tuple[Tags, Tags]:
+def _directories(block: bytes) -> tuple[Tags, Tags]:
+    from PIL import Image  # noqa: PLC0415
+
+    exif = Image.Exif()
+    exif.load(block)
     return dict(exif), {**exif.get_ifd(INTEROP_IFD), **exif.get_ifd(EXIF_IFD)}
+
+
+def _png_exif(file: io.BufferedIOBase) -> bytes:
+    """The EXIF block of a PNG, before or after its pixels, which Pillow would decode for it."""
+    file.seek(8)
+    while len(head := file.read(8)) == 8:
+        length, kind = struct.unpack(">I4s", head)
+        if kind == b"eXIf":
+            return file.read(length)
+        file.seek(length + 4, io.SEEK_CUR)
+    return b""
 
 
 def _broken(file: io.BufferedIOBase, error: Exception) -> str:

@@ -109,7 +109,7 @@ def _matrix_form(profile: bytes, levels: int) -> tuple[Floats, Floats, bool]:
 def _looked_up(values: Values, tables: Floats) -> Floats:
     if values.dtype == np.uint8:
         return cv2.LUT(values, tables[None])
-    return np.stack([tables[values[..., k], k] for k in range(3)], axis=-1)
+    return np.stack([np.take(tables[:, k], values[..., k]) for k in range(3)], axis=-1)
 
 
 def _transform(values: Values, profile: bytes) -> Floats:

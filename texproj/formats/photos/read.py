@@ -58,7 +58,7 @@ def _pixels(raster: Raster, profile: bytes) -> NDArray[np.uint8] | NDArray[np.fl
     if values.dtype == np.uint8:
         return np.ascontiguousarray(values)
     if values.dtype == np.uint16:
-        return _linear_of_srgb16()[values]
+        return np.take(_linear_of_srgb16(), values)
     return np.ascontiguousarray(values) if not profile else linear_from_srgb(np.maximum(values, 0))
 
 
