@@ -1,6 +1,7 @@
 """Fixtures shared by all tests."""
 
 import os
+import shutil
 from pathlib import Path
 
 import pytest
@@ -20,3 +21,21 @@ def real_data():
         return path
 
     return scene
+
+
+@pytest.fixture(scope="session")
+def demo_folder(tmp_path_factory):
+    """A small synthetic project with truth, made once; copy it before you change it."""
+    from texproj.demo import write_demo
+    from texproj.options import DemoOptions
+
+    folder = tmp_path_factory.mktemp("demo") / "stele"
+    options = DemoOptions(photos=4, long_side=640, faces=6000, carved_faces=60_000)
+    write_demo(folder, options)
+    return folder
+
+
+@pytest.fixture
+def project_folder(demo_folder, tmp_path):
+    """A copy of the small synthetic project that a test may change."""
+    return Path(shutil.copytree(demo_folder, tmp_path / "stele"))

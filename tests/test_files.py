@@ -23,12 +23,12 @@ def test_a_full_disk_leaves_the_old_file(tmp_path, monkeypatch):
     path.write_text("old")
 
     def full(self, data):
-        with open(self, "wb") as file:
+        with self.open("wb") as file:
             file.write(data[:2])
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(Path, "write_bytes", full)
-    with pytest.raises(OutputError, match="disk is full.*unchanged"):
+    with pytest.raises(OutputError, match=r"disk is full.*unchanged"):
         write_atomically(path, "new")
     monkeypatch.undo()
 

@@ -14,6 +14,7 @@ from texproj.mesh import Mesh, MeshSource
 from texproj.project import Project
 from texproj.render import GBuffer, Renderer, Scene, ambient_occlusion, open_renderer
 
+SURFACE_SAMPLES = 2000
 REGISTRATION_CHANNELS = ("depth", "normal", "ao")
 
 
@@ -43,6 +44,12 @@ class Workbench:
     @property
     def mesh(self) -> Mesh:
         return self.source.mesh
+
+    @cached_property
+    def surface_sample(self) -> NDArray[np.float64]:
+        """(n, 3) vertices spread over the mesh: where an expected error is averaged."""
+        step = max(1, len(self.mesh.vertices) // SURFACE_SAMPLES)
+        return self.mesh.vertices[::step]
 
     @cached_property
     def renderer(self) -> Renderer:

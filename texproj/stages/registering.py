@@ -184,7 +184,8 @@ def _by_points(bench: Workbench, name: str, start: CameraRecord | None) -> Fit:
     prior = start.intrinsics if start else None
     pose = start.pose if start else None
     options = project.settings.options("points")
-    return register_points(project.photo_info(name), picks, prior, options, pose)
+    info = project.photo_info(name)
+    return register_points(info, picks, prior, options, pose, bench.surface_sample)
 
 
 def _by_structure(bench: Workbench, name: str, start: CameraRecord | None) -> Fit:
