@@ -192,13 +192,48 @@ def test_the_parts_of_a_scene_are_placed_by_their_transforms(tmp_path):
     assert got == {tuple(map(tuple, t)) for t in np.round(expected, 5).tolist()}
 
 
+def test_a_mirrored_part_keeps_its_outside_outside(tmp_path):
+    scene = trimesh.Scene()
+    mirror = np.diag([-1.0, 1, 1, 1])
+    scene.add_geometry(trimesh.Trimesh(TETRA, TETRA_FACES, process=False), transform=mirror)
+    (tmp_path / "m.glb").write_bytes(scene.export(file_type="glb"))
+    solid = trimesh.Trimesh(*read_mesh(tmp_path / "m.glb"))
+    assert solid.volume == pytest.approx(1 / 6)
+    assert solid.bounds[0, 0] == -1
+
+
+@pytest.mark.parametrize("kind", ["ascii", "binary_little_endian"])
+def test_quads_alone_and_mixed_in_both_kinds_of_ply(tmp_path, kind):
+    """A cube of six quads, and one of five quads and two triangles."""
+    box = trimesh.creation.box().bounds
+    corners = np.array(
+        [[box[i, 0], box[j, 1], box[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
+    )
+    quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    mixed = [*quads[:5], [1, 5, 7], [1, 7, 3]]
+    lines = ["element vertex 8", *(f"property double {c}" for c in "xyz")]
+    for polygons in (quads, mixed):
+        if kind == "ascii":
+            rows = [*corners.tolist(), *([len(p), *p] for p in polygons)]
+            body = "\n".join(" ".join(map(str, row)) for row in rows).encode() + b"\n"
+        else:
+            body = corners.astype("<f8").tobytes()
+            body += b"".join(struct.pack(f"<B{len(p)}i", len(p), *p) for p in polygons)
+        faces = [f"element face {len(polygons)}", "property list uchar int vertex_indices"]
+        (tmp_path / "q.ply").write_bytes(ply(lines + faces, body, kind))
+        solid = trimesh.Trimesh(*read_mesh(tmp_path / "q.ply"))
+        assert len(solid.faces) == 12
+        assert solid.is_watertight
+        assert solid.volume == pytest.approx(1)
+
+
 def cloud_ply():
     lines = ["element vertex 4", *(f"property float {c}" for c in "xyz")]
     return ply(lines, TETRA.astype("<f4").tobytes())
 
 
-def glb_without_geometry():
-    text = json.dumps({"asset": {"version": "2.0"}}).encode()
+def glb_without_geometry(**content):
+    text = json.dumps({"asset": {"version": "2.0"}} | content).encode()
     text += b" " * (-len(text) % 4)
     return struct.pack("<4sIII4s", b"glTF", 2, 20 + len(text), len(text), b"JSON") + text
 
@@ -252,6 +287,13 @@ def test_a_truncated_file_is_refused(tmp_path, suffix, kept):
     path.write_bytes(data[: int(len(data) * kept)])
     with pytest.raises(InputError, match=f"cut{suffix}"):
         read_mesh(path)
+
+
+@pytest.mark.parametrize("name", ["KHR_draco_mesh_compression", "EXT_meshopt_compression"])
+def test_a_compressed_glb_is_named_as_such(tmp_path, name):
+    (tmp_path / "c.glb").write_bytes(glb_without_geometry(extensionsRequired=[name]))
+    with pytest.raises(InputError, match=rf"c\.glb: compressed by {name}"):
+        read_mesh(tmp_path / "c.glb")
 
 
 def test_missing_empty_and_unknown_files(tmp_path):

@@ -22,6 +22,8 @@ MESH_SUFFIXES = (".ply", ".obj", ".stl", ".off", ".glb", ".gltf")
 _OBJ_VERTEX = re.compile(rb"^[ \t]*v[ \t]+(.*)$", re.MULTILINE)
 _OBJ_FACE = re.compile(rb"^[ \t]*f[ \t]+(.*)$", re.MULTILINE)
 _OBJ_KIND = re.compile(rb"^[ \t]*([vf])[ \t]", re.MULTILINE)
+# what the reader of glTF does not decode
+_COMPRESSIONS = (b"KHR_draco_mesh_compression", b"EXT_meshopt_compression")
 _OFF_COUNTS = re.compile(rb"OFF\s+(?:#.*\s+)*\d+\s+(\d+)")
 _OBJ_OTHER_INDICES = re.compile(rb"/[-\d/]*")
 
@@ -88,6 +90,9 @@ def _by_trimesh(path: Path, kind: str, data: bytes) -> tuple[Vertices, Faces]:
         options |= {"fix_texture": False, "skip_materials": True}
     if kind == ".off" or (kind == ".stl" and not _is_binary_stl(data)):
         data = data.decode("latin-1").encode()  # names and comments of any encoding
+    for name in _COMPRESSIONS:
+        if kind in (".glb", ".gltf") and name in data:
+            raise InputError(f"{path}: compressed by {name.decode()}; export it uncompressed")
     if kind == ".gltf":
         options["resolver"] = trimesh.resolvers.FilePathResolver(str(path))
     vertices, faces = _merged(trimesh.load_scene(io.BytesIO(data), **options))
@@ -109,8 +114,11 @@ def _merged(scene: Any) -> tuple[Vertices, Faces]:
         xyz = np.asarray(part.vertices, np.float64)
         if not np.array_equal(world_from_part, np.eye(4)):
             xyz = xyz @ world_from_part[:3, :3].T + world_from_part[:3, 3]
+        corners = np.asarray(getattr(part, "faces", faces[0]))
+        if np.linalg.det(world_from_part[:3, :3]) < 0:
+            corners = corners[:, ::-1]  # a mirror turns triangles around
         vertices.append(xyz)
-        faces.append(np.asarray(getattr(part, "faces", faces[0])) + offset)
+        faces.append(corners + offset)
         offset += len(xyz)
     return np.concatenate(vertices), _int32(np.concatenate(faces))
 
