@@ -29,7 +29,8 @@ ROUND = tuple(View(a, e, upright=False) for a, e in
 class Synthetic:
     """mesh: the scan, world; photos and their true cameras; masks: (h, w) uint8, 255 = the piece;
     albedo, shaded: (V, 3) linear, true paint and light sent out at EV 0 without highlights;
-    exposure: gain of each photo against EV 0.
+    exposure: gain of each photo against EV 0; steady: (V,) bool, vertices around which the true
+    light changes little, away from creases, shadow borders and sharp paint.
     """
 
     mesh: Mesh
@@ -39,6 +40,7 @@ class Synthetic:
     albedo: np.ndarray
     shaded: np.ndarray
     exposure: tuple[float, ...]
+    steady: np.ndarray
 
 
 @lru_cache(maxsize=4)
@@ -77,7 +79,13 @@ def taken(
         masks.append(shot.object_mask)
     albedo, shaded = true_colors(scene, scan, footprint)
     gains = tuple(2.0**how.sensor.ev for how in shots)
-    return Synthetic(scan, tuple(photos), tuple(cameras), tuple(masks), albedo, shaded, gains)
+    steady = np.ones(len(shaded), bool)
+    if footprint:
+        around = true_colors(scene, scan, 3 * footprint)[1]
+        steady = (np.abs(around - shaded) < 0.05 * shaded + 0.005).all(axis=1)
+    return Synthetic(
+        scan, tuple(photos), tuple(cameras), tuple(masks), albedo, shaded, gains, steady
+    )
 
 
 @lru_cache(maxsize=8)
