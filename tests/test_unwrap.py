@@ -147,7 +147,7 @@ def test_sphere():
 def test_disconnected_pieces_share_no_chart():
     """Two coplanar sheets apart from each other are two charts."""
     one, faces = grid(5, 5)
-    both = np.concatenate([one, one + [7, 0]])
+    both = np.concatenate([one, one + np.array([7, 0])])
     mesh = Mesh(np.column_stack([both, np.zeros(len(both))]), np.concatenate([faces, faces + 36]))
     atlas = unwrap(mesh, 10.0, OPTIONS)
     assert atlas.stats.charts == 2
@@ -208,7 +208,7 @@ def face_normal_z(mesh):
 def test_density_per_face():
     """Faces that ask for twice the texels per unit get four times the area."""
     one, faces = grid(10, 10)
-    both = np.concatenate([one, one + [20, 0]])
+    both = np.concatenate([one, one + np.array([20, 0])])
     mesh = Mesh(np.column_stack([both, np.zeros(len(both))]), np.concatenate([faces, faces + 121]))
     density = np.repeat([4.0, 8.0], len(faces))
     atlas = unwrap(mesh, density, OPTIONS)
@@ -227,6 +227,16 @@ def test_several_pages():
     assert len(atlas.page_sizes) == 6
     assert atlas.stats.scale == 1
     assert 0.999 <= check(mesh, atlas, 100) <= 1.05
+
+
+def test_a_chart_longer_than_a_page_is_cut():
+    """A strip of 900 x 120 texels goes on pages of 256 at full resolution, in parts."""
+    mesh = sheet(150, 20)
+    atlas = unwrap(mesh, 6.0, replace(OPTIONS, page_size=256, max_pages=8))
+    assert atlas.stats.scale == 1
+    assert 4 <= atlas.stats.charts <= 5
+    assert np.max(atlas.page_sizes) <= 256
+    assert 0.999 <= check(mesh, atlas, 6) <= 1.05
 
 
 def test_too_few_pages_lower_the_resolution():
@@ -265,7 +275,7 @@ def test_the_same_again():
 def test_far_from_the_origin():
     """At map coordinates of millions of units the atlas is as good as at the origin."""
     ball = trimesh.creation.icosphere(3)
-    mesh = Mesh(ball.vertices + [4e5, 5e6, 100], ball.faces)
+    mesh = Mesh(ball.vertices + np.array([4e5, 5e6, 100]), ball.faces)
     atlas = unwrap(mesh, 30.0, OPTIONS)
     assert atlas.stats.charts <= 40
     assert 1 < atlas.stats.stretch_median < 1.15

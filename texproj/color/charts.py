@@ -55,11 +55,13 @@ def project(mesh: Mesh, face_of_mesh: Ints, labels: Ints) -> Charts:
     return Charts(uv, faces, vertex, chart, labels, face_of_mesh, count)
 
 
-def select(charts: Charts, rows: Ints, graph: DualGraph) -> Charts:
+def select(charts: Charts, rows: Ints, graph: DualGraph, labels: Ints | None = None) -> Charts:
     """The charts of some faces only, at the same places; parts without a common edge become
-    charts of their own. graph: of the faces of `charts`.
+    charts of their own. graph: of the faces of `charts`; labels: (n,) int64 other charts for
+    them.
     """
-    labels = connected(charts.chart_of_face[rows], graph.restricted(rows))
+    labels = charts.chart_of_face if labels is None else labels
+    labels = connected(labels[rows], graph.restricted(rows))
     chart, old, faces = _own_rows(labels, charts.faces[rows], len(charts.uv))
     return Charts(
         uv=charts.uv[old],

@@ -9,10 +9,12 @@ import xatlas
 from numpy.typing import NDArray
 
 from texproj.color.charts import Charts, extents
+from texproj.color.distortion import flat_areas
 from texproj.color.segmentation import Floats, Ints
 from texproj.errors import RenderError
 
 SMALL_PX, TRAY_PX = 32.0, 256  # longest chart that goes on a tray, side of a tray
+LARGE_PX = 2.0e7  # square texels
 NARROW_CELLS = 2.0  # charts narrower than this are packed as rectangles
 SMALLEST_FACE = 1e-5  # square cells; xatlas leaves out faces below FLT_EPSILON and their charts
 
@@ -32,9 +34,11 @@ def pack(charts: Charts, padding_px: int, page_size: int) -> Placement:
     """Places on pages of at most page_size, at least padding_px texels between charts.
 
     charts: in texels, lower left corners at the origin, none longer than page_size - padding.
-    xatlas grows each chart to whole cells (of half a padding) and may mirror it.
+    xatlas grows each chart to whole cells (half a padding; a whole one for large textures, for
+    speed) and may mirror it.
     """
-    cell = max(1, padding_px // 2)
+    area = float(flat_areas(charts.uv, charts.faces).sum())
+    cell = max(1, padding_px if area > LARGE_PX else padding_px // 2)
     gap = -(-padding_px // cell)
     trays, rows, boxed = _on_trays(charts, padding_px, page_size)
     boxed |= extents(trays.uv, trays.starts)[1].min(axis=1) < NARROW_CELLS * cell
@@ -67,8 +71,7 @@ class _Placed:
 def _proxy(charts: Charts, cell: int, boxed: NDArray[np.bool_]) -> _Proxy:
     """The faces that xatlas can see, and a rectangle for each narrow chart."""
     uv = charts.uv / cell
-    a, b, c = uv[charts.faces].transpose(1, 0, 2)
-    area = 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+    area = flat_areas(uv, charts.faces)
     seen = (area > SMALLEST_FACE) & ~boxed[charts.chart_of_face]
     boxed = ~np.isin(np.arange(charts.count), charts.chart_of_face[seen])
     rows, flat = np.unique(charts.faces[seen], return_inverse=True)
@@ -86,10 +89,11 @@ def _proxy(charts: Charts, cell: int, boxed: NDArray[np.bool_]) -> _Proxy:
 
 def _run(proxy: _Proxy, gap: int, page_cells: int) -> _Placed:
     """One page as small as xatlas makes it, or several of page_cells if that is too large."""
-    placed, width, height = _xatlas(proxy, gap, 0)
-    if max(width, height) + gap > page_cells:
-        placed, width, height = _xatlas(proxy, gap, page_cells - gap)
-    return placed
+    if flat_areas(proxy.uv, proxy.faces).sum() < page_cells**2:
+        placed, width, height = _xatlas(proxy, gap, 0)
+        if max(width, height) + gap <= page_cells:
+            return placed
+    return _xatlas(proxy, gap, page_cells - gap)[0]
 
 
 def _xatlas(proxy: _Proxy, gap: int, resolution: int) -> tuple[_Placed, int, int]:

@@ -8,15 +8,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from texproj.color.atlas import Atlas, AtlasStats
-from texproj.color.charts import Charts, extents, upright
+from texproj.color.charts import Charts, extents, select, upright
 from texproj.color.distortion import flat_areas, stretch, weighted_quantiles
 from texproj.color.flatten import flatten
 from texproj.color.packing import Placement, pack
-from texproj.color.segmentation import Floats
+from texproj.color.segmentation import Floats, dual_graph
 from texproj.errors import InputError
 from texproj.mesh import Mesh, face_areas
 from texproj.options import UnwrapOptions
 
+EXPECTED_FILL = 0.75  # of the pages; the first guess where the resolution must be lowered
+TILE_SHARE = 0.8  # of a page for each part of a chart that is longer than a page
 SMALLEST_CHART_PX = 2.0  # so that every chart holds a texel center
 
 
@@ -34,7 +36,7 @@ def unwrap(mesh: Mesh, texels_per_unit: ArrayLike, options: UnwrapOptions | None
     density = np.broadcast_to(np.asarray(texels_per_unit, np.float64), len(mesh.faces))
     flat, overlaps = flatten(mesh, density, options)
     charts = _at_density(mesh, upright(flat), density)
-    scale, placement = _fit(charts, options)
+    charts, scale, placement = _fit(mesh, charts, options)
     stats = _stats(mesh, charts, placement, scale, overlaps)
     return _atlas(charts, placement, options.padding_px, stats)
 
@@ -48,17 +50,36 @@ def _at_density(mesh: Mesh, charts: Charts, density: Floats) -> Charts:
     return replace(charts, uv=charts.uv * factor[charts.chart_of_uv, None])
 
 
-def _fit(charts: Charts, options: UnwrapOptions) -> tuple[float, Placement]:
-    """The largest scale <= 1 found at which the charts fit the pages, and the placement."""
+def _fit(mesh: Mesh, charts: Charts, options: UnwrapOptions) -> tuple[Charts, float, Placement]:
+    """The charts, those longer than a page cut; the largest scale <= 1 found at which they fit
+    the pages; the placement.
+    """
     room = options.page_size - 2 * options.padding_px
-    longest = float(extents(charts.uv, charts.starts)[1].max())
     area = float(flat_areas(charts.uv, charts.faces).sum())
-    scale = min(1.0, room / longest, np.sqrt(0.95 * options.max_pages * room**2 / area))
+    scale = min(1.0, float(np.sqrt(EXPECTED_FILL * options.max_pages * room**2 / area)))
+    if options.max_pages > 1:
+        charts = _cut_long(mesh, charts, room / scale)
+    longest = float(extents(charts.uv, charts.starts)[1].max())
+    scale = min(scale, room / longest)
     while True:
         placement = pack(_scaled(charts, scale), options.padding_px, options.page_size)
         if len(placement.page_sizes) <= options.max_pages:
-            return scale, placement
-        scale *= 0.93
+            return charts, scale, placement
+        scale *= 0.95
+
+
+def _cut_long(mesh: Mesh, charts: Charts, longest: float) -> Charts:
+    """Charts longer than `longest` texels cut along a grid, so that the rest need not shrink."""
+    size = extents(charts.uv, charts.starts)[1]
+    if size.max() <= longest:
+        return charts
+    tiles = np.where(size > longest, np.ceil(size / (TILE_SHARE * longest)), 1)
+    middle = charts.uv[charts.faces].mean(axis=1)
+    of_face = charts.chart_of_face
+    tile = np.floor(middle / size[of_face] * tiles[of_face]).clip(0, tiles[of_face] - 1)
+    key = np.column_stack([of_face, tile.astype(np.int64)])
+    labels = np.unique(key, axis=0, return_inverse=True)[1].ravel()
+    return upright(select(charts, np.arange(len(labels)), dual_graph(mesh), labels))
 
 
 def _scaled(charts: Charts, scale: float) -> Charts:
