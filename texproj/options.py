@@ -150,14 +150,24 @@ class StructureOptions:
     confirmed_support: Fraction = 0.45
     """The same where two starts have led to the same place."""
 
-    min_agreement: Fraction = 0.3
-    """Share of fine patches found in place below which a camera is refused ..."""
+    wider: bool = True
+    """If the search around the start fails, search from other positions too."""
 
-    min_support: Fraction = 0.35
-    """... unless that share at half the working size is at least this."""
+    min_support: Fraction = 0.33
+    """Share of patches found in place, at half the working size, below which a camera is
+    refused ..."""
+
+    min_agreement: Fraction = 0.3
+    """... unless that share at the working size is at least this."""
 
     min_coverage: Fraction = 0.4
     """Share of the picture that must agree, counted in cells where the mesh is."""
+
+    far: Positive = 0.2
+    """Image motion from the start, as a share of the width, from which on more is asked ..."""
+
+    far_support: Fraction = 0.55
+    """... namely this share of patches in place: what looks alike elsewhere has less."""
 
 
 @dataclass(frozen=True, config=STRICT)

@@ -45,8 +45,10 @@ def mirrored_candidate(
     middle = _middle_in_cam(view.camera_at(camera, COARSE), images.depth, valid)
     facing = images.normal_in_cam[valid].mean(axis=0).astype(np.float64)
     start = mirrored_camera(camera, middle, facing)
-    starts = placed_starts(mirrored, start, (0.0,), SCALES, STARTS, LEAST_LIKENESS * own)
-    for candidate in (approach(mirrored, s) for s in starts):
+    for placed in placed_starts(mirrored, start, (0.0,), SCALES, STARTS):
+        if placed.score < LEAST_LIKENESS * own:
+            break
+        candidate = approach(mirrored, placed.camera)
         if candidate is not None and candidate.support >= least_support:
             return candidate
     return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -19,8 +19,19 @@ LEAST_PIXELS = 200
 """Mesh pixels at the coarse level below which there is nothing to place."""
 DISTINCT = 0.02
 """Image motion, as a share of the width, by which two starts must differ."""
+YAWS_DEG, PITCHES_DEG = (-20.0, -10.0, 10.0, 20.0), (-10.0, 10.0)
+DISTANCES = (0.6, 1.6)
+"""Orbits about what the prior sees, and distances relative to its own, tried in a wider search."""
 PROBES = 60
 """Surface points by which image motion is measured."""
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """A camera (full size) worth trying and the correlation of its view with the photo."""
+
+    camera: Camera
+    score: float
 
 
 def placed_starts(
@@ -29,8 +40,7 @@ def placed_starts(
     rolls_rad: Sequence[float],
     scales: Sequence[float],
     count: int,
-    least_score: float = 0.0,
-) -> list[Camera]:
+) -> list[Start]:
     """Up to `count` cameras, the likeliest first, whose view of the mesh is the prior's one
     turned, enlarged and shifted so that it fits the photo; empty where the mesh is not in view.
 
@@ -42,14 +52,32 @@ def placed_starts(
     camera = view.camera_at(prior, COARSE)
     pivot, depth = pivot_px(valid), float(np.median(images.depth[valid]))
     probes = _probes(camera, images.depth, valid)
-    found: list[Camera] = []
+    found: list[Start] = []
     for placement in placements(field, valid, view.fields[COARSE], rolls_rad, scales):
-        if placement.score < least_score or len(found) == count:
-            break
         start = replace(prior, pose=placed_pose(camera, placement, pivot, depth))
-        if all(motion_px(start, other, probes) > DISTINCT * prior.width for other in found):
-            found.append(start)
+        if all(motion_px(start, s.camera, probes) > DISTINCT * prior.width for s in found):
+            found.append(Start(start, placement.score))
+        if len(found) == count:
+            break
     return found
+
+
+def cameras_around(view: StructureView, prior: Camera) -> list[Camera]:
+    """Cameras that look at the same place from elsewhere: for a prior wrong in position."""
+    images, _, valid = view.rendering(prior, COARSE)
+    if not valid.any() or images.depth is None:
+        return []
+    ray = ray_in_cam(view.camera_at(prior, COARSE), pivot_px(valid))
+    middle = ray * float(np.median(images.depth[valid]))
+    turns = np.radians([(0, y, 0) for y in YAWS_DEG] + [(p, 0, 0) for p in PITCHES_DEG])
+    orbits = [_orbited(prior, middle, turn, 1.0) for turn in turns]
+    return [*orbits, *(_orbited(prior, middle, np.zeros(3), d) for d in DISTANCES)]
+
+
+def _orbited(camera: Camera, middle_in_cam: Array, turn: Array, distance: float) -> Camera:
+    R = cv2.Rodrigues(turn.reshape(3, 1))[0]
+    t = R @ (camera.pose.t - middle_in_cam) + middle_in_cam * distance
+    return replace(camera, pose=Pose(R @ camera.pose.R, t))
 
 
 def placed_pose(camera: Camera, placement: Placement, pivot: Array, depth: float) -> Pose:

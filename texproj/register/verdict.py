@@ -6,7 +6,7 @@ the camera is right most are found there; where it is wrong they are found anywh
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,10 +23,13 @@ from texproj.register.structure_solve import (
     found_share,
     refine,
 )
+from texproj.register.structure_start import motion_px
 from texproj.register.structure_view import FINE, Observation, PatchRule, Render, StructureView
 
 Array = NDArray[np.float64]
 
+MOST_SIGMAS = 4.0
+"""Deviation of the focal length from the one given that is no longer believed."""
 CELLS = 6
 """The picture is divided in so many rows and columns to see how far the agreement reaches."""
 LEAST_SYMMETRY = 0.8
@@ -44,7 +47,8 @@ class Verdict:
 
     agreement: share of fine patches found where they should be; support: the same for the
     middle level; coverage: share of the cells with patches in which one agrees;
-    patches: how many fine patches there were.
+    patches: how many fine patches there were; moved: mean image motion from the camera that was
+    given to the one judged, as a share of the width.
     """
 
     registered: bool
@@ -53,6 +57,7 @@ class Verdict:
     support: float
     coverage: float
     patches: int
+    moved: float = 0.0
 
 
 def verify(
@@ -65,15 +70,31 @@ def verify(
 
 
 def judge(
-    view: StructureView, seen: Observation, camera: Camera, options: StructureOptions
+    view: StructureView,
+    seen: Observation,
+    camera: Camera,
+    options: StructureOptions,
+    prior: Camera | None = None,
 ) -> Verdict:
-    """The verdict on `camera`, whose view was `seen` at the fine level."""
-    agreement, coverage = found_share(seen), covered_share(seen)
-    support = found_share(view.observe(camera, CHECK))
-    reason = _refusal(agreement, support, coverage, seen.patches, options)
-    if not reason and _mirrored_fits_better(view, camera, support, options):
+    """The verdict on `camera`, whose view was `seen` at the fine level.
+
+    prior: the camera from which it was searched, whose place and focal length count as evidence.
+    """
+    prior = prior or camera
+    verdict = Verdict(
+        registered=False,
+        reason="",
+        agreement=found_share(seen),
+        support=found_share(view.observe(camera, CHECK)),
+        coverage=covered_share(seen),
+        patches=seen.patches,
+        moved=motion_px(camera, prior, seen.xyz_in_world) / camera.width,
+    )
+    zoom = abs(np.log(camera.intrinsics.fx / prior.intrinsics.fx)) / options.focal_sigma
+    reason = _refusal(verdict, float(zoom), options)
+    if not reason and _mirrored_fits_better(view, camera, verdict.support, options):
         reason = "the photo fits better with left and right exchanged (is it a mirrored scan?)"
-    return Verdict(not reason, reason, agreement, support, coverage, seen.patches)
+    return replace(verdict, registered=not reason, reason=reason)
 
 
 def covered_share(seen: Observation) -> float:
@@ -102,20 +123,25 @@ def _mirrored_fits_better(
     return other > own + MIRROR_MARGIN
 
 
-def _refusal(
-    agreement: float, support: float, coverage: float, patches: int, options: StructureOptions
-) -> str:
+def _refusal(verdict: Verdict, zoom_sigmas: float, options: StructureOptions) -> str:
     """Why the camera is not to be believed; empty if it is."""
-    if patches < LEAST_MATCHES:
+    if verdict.patches < LEAST_MATCHES:
         return "too little of the mesh is in view to tell (give a closer start, or pick 4 points)"
-    if agreement < options.min_agreement and support < options.min_support:
+    if verdict.agreement < options.min_agreement and verdict.support < options.min_support:
         return (
-            f"only {agreement:.0%} of the mesh's structure is found where this camera puts it "
-            "(pick 4 points, or give a closer start)"
+            f"only {verdict.support:.0%} of the mesh's structure is found where this camera "
+            "puts it (pick 4 points, or give a closer start)"
         )
-    if coverage < options.min_coverage:
+    if verdict.coverage < options.min_coverage:
         return (
-            f"only {coverage:.0%} of the picture agrees with the mesh "
+            f"only {verdict.coverage:.0%} of the picture agrees with the mesh "
             "(pick 4 points spread over the picture)"
         )
+    if verdict.moved > options.far and verdict.support < options.far_support:
+        return (
+            f"it lies {verdict.moved:.0%} of the picture's width from the start, and the object "
+            "may look alike elsewhere (pick 4 points, or start closer)"
+        )
+    if zoom_sigmas > MOST_SIGMAS:
+        return "the focal length would be far from the start's (pick 6 points, or correct it)"
     return ""

@@ -157,7 +157,9 @@ def _axis(length: int, step: int) -> Index:
 def _joined(parts: list[PatchMatches]) -> PatchMatches:
     if not parts:
         none = np.zeros(0, np.intp)
-        return PatchMatches(none, np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0), none, np.zeros(0))
+        return PatchMatches(
+            none, np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0), none, np.zeros(0)
+        )
     return PatchMatches(
         np.concatenate([p.patch for p in parts]),
         np.concatenate([p.source_px for p in parts]),
