@@ -170,6 +170,51 @@ class StructureOptions:
     """... namely this share of patches in place: what looks alike elsewhere has less."""
 
 
+MapName = Literal[
+    "normal-x",
+    "normal-y",
+    "normal-z",
+    "ao",
+    "normal",
+    "combined",
+    "reflection",
+    "reflection-combined",
+    "silhouette",
+]
+"""What of the bare mesh is compared with a photo by mutual information."""
+
+
+@dataclass(frozen=True, config=STRICT)
+class MutualInformationOptions:
+    """How a camera is moved until the rendered mesh tells most about the photo."""
+
+    maps: tuple[MapName, ...] = ("normal-x", "normal-y", "ao", "silhouette")
+    """Renderings that are compared; their information is added up. Normals (camera axes), ambient
+    occlusion, both blended (combined), mirror directions, and inside against outside."""
+
+    measure: Literal["mutual-information", "normalized"] = "mutual-information"
+    """The plain measure, or the one that is divided by the joint entropy."""
+
+    gradients: bool = False
+    """Compare the strengths of gradients instead of the values."""
+
+    bins: Annotated[int, Field(ge=4, le=256)] = 32
+    """Steps into which gray and rendered values are divided."""
+
+    working_px: Annotated[int, Field(ge=128, le=4096)] = 512
+    """Longer side of the reduced photo at the finest level, pixels."""
+
+    focal: bool = False
+    """Solve the focal length too; the distance follows it, so that the size stays."""
+
+    pick_sigma_percent: Positive = 0.07
+    """Noise of picks, percent of the photo's longer side, where there are any: it decides how
+    much they count beside the mutual information."""
+
+    max_error_percent: Positive = 0.3
+    """Refuse a camera whose expected error is larger, percent of the photo's width."""
+
+
 @dataclass(frozen=True, config=STRICT)
 class PreviewOptions:
     """How the web page is served."""

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.camera import Camera
-from texproj.color.points import SurfacePoints
-from texproj.color.sight import sight_of
-from texproj.color.view import bare_view
+from texproj.color.points import Chunk, Owners
+from texproj.color.sample import project
+from texproj.color.sight import facing, resolution, sight_of
+from texproj.color.view import PhotoView, depth_seen
 from texproj.mesh import Mesh, face_areas, face_normals
 from texproj.options import ColorOptions
 from texproj.render import Scene
@@ -32,13 +33,17 @@ def texels_per_unit(
     """(F,) texels per mesh unit: pixels of the photo that resolves the face best, times
     `options.texels_per_pixel`.
     """
-    faces = _face_points(mesh)
+    faces = _faces(mesh)
     best = np.zeros(len(mesh.faces))
     for camera in cameras:
         small = camera.scaled(min(1.0, SURVEY_PX / max(camera.width, camera.height)))
-        sight = sight_of(faces, bare_view(small, scene, 1.0), options)
-        pixels = sight.pixels * camera.width / small.width
-        best[sight.index] = np.maximum(best[sight.index], pixels)
+        depth_camera, depth = depth_seen(small, scene, 1.0)
+        view = PhotoView(small, depth_camera, np.dstack([depth, np.ones_like(depth)]))
+        sight = sight_of(faces, small, depth_camera, 1, options)
+        everything = Chunk(faces.center, np.arange(len(best), dtype=np.int32))
+        seen = project(everything, sight, view)[1] > 0
+        pixels = resolution(faces, camera) * np.sqrt(np.maximum(facing(faces, camera), 0))
+        best = np.maximum(best, np.where(seen, pixels, 0))
     seen = best > 0
     if not seen.any():
         return np.ones(len(best))
@@ -48,17 +53,14 @@ def texels_per_unit(
     return best * options.texels_per_pixel
 
 
-def _face_points(mesh: Mesh) -> SurfacePoints:
-    """The faces' centers with spacing 1, so that `pixels` is pixels per unit."""
-    origin = mesh.center
-    corners = (mesh.vertices - origin)[mesh.faces]
-    count = len(corners)
-    return SurfacePoints(
-        np.arange(count),
+def _faces(mesh: Mesh) -> Owners:
+    """The faces, with spacing 1, so that `resolution` is pixels per unit."""
+    corners = (mesh.vertices - mesh.center)[mesh.faces]
+    return Owners(
+        mesh.center,
         corners.mean(axis=1).astype(np.float32),
-        origin,
         face_normals(mesh).astype(np.float32),
-        np.ones(count, np.float32),
+        np.ones(len(corners), np.float32),
     )
 
 

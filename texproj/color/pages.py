@@ -1,4 +1,4 @@
-"""Pages of a texture without holes: push-pull, after Gortler et al., "The lumigraph", SIGGRAPH 1996."""
+"""Pages of a texture without holes: push-pull, after Gortler et al., "The lumigraph", 1996."""
 
 from __future__ import annotations
 

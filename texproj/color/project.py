@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 from texproj.camera import Camera
 from texproj.color.points import PointSource
 from texproj.color.sample import sample
+from texproj.color.scratch import Scratch
+from texproj.color.sight import sight_of
 from texproj.color.spill import Spill
 from texproj.color.view import PhotoView, photo_view
 from texproj.options import ColorOptions
@@ -25,16 +27,17 @@ def project_photos(
     load_photo: LoadPhoto,
     scene: Scene,
     options: ColorOptions,
+    scratch: Scratch,
     progress: Progress | None = None,
 ) -> Spill:
-    """The samples of all photos; each is loaded once and forgotten; one that loads as
-    None is left out. Close the result."""
-    spill = Spill(points.sizes)
+    """The samples of all photos; each is loaded once and forgotten; one that loads as None is
+    left out.
+    """
+    spill = Spill(points.sizes, scratch)
     for number, camera in enumerate(cameras):
         photo = load_photo(number)
         if photo is not None:
-            view = photo_view(photo, camera, scene, options)
-            add_photo(spill, number, points, view, options)
+            add_photo(spill, number, points, photo_view(photo, camera, scene, options), options)
         if progress:
             progress(number + 1, len(cameras))
     return spill
@@ -44,15 +47,18 @@ def add_photo(
     spill: Spill, number: int, points: PointSource, view: PhotoView, options: ColorOptions
 ) -> None:
     """Append what one photo says about every chunk of the points."""
-    candidates = points.candidates(view.camera)
+    sight = sight_of(points.owners, view.camera, view.depth_camera, len(view.levels), options)
 
     def one(chunk: int) -> None:
-        spill.add(number, chunk, sample(points.chunk(chunk, candidates), view, options))
+        samples = sample(points.chunk(chunk), sight, view)
+        if samples is not None:
+            spill.add(number, chunk, samples)
 
-    with ThreadPoolExecutor(workers()) as pool:
-        list(pool.map(one, range(len(points.sizes))))
+    in_parallel(one, range(len(points.sizes)))
 
 
-def workers() -> int:
-    """Threads for work that numpy and OpenCV do outside of the interpreter's lock."""
-    return min(os.cpu_count() or 1, 8)
+def in_parallel(work: Callable[[int], None], numbers: Iterable[int]) -> None:
+    """Call `work` in threads: numpy and OpenCV leave the interpreter's lock alone."""
+    with ThreadPoolExecutor(min(os.cpu_count() or 1, 8)) as pool:
+        for _ in pool.map(work, numbers):
+            pass

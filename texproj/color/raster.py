@@ -9,22 +9,22 @@ from numpy.typing import NDArray
 
 from texproj.color.atlas import Atlas
 
-BATCH = 1 << 18
+BATCH = 1 << 14
 """Faces that are turned into spans at once, to bound memory."""
 
 
-def face_images(atlas: Atlas) -> list[NDArray[np.int32]]:
-    """One (h, w) image per page: the face that holds each texel's center, -1 outside of all.
+def face_image(atlas: Atlas, page: int) -> NDArray[np.int32]:
+    """(h, w) image of a page: the face that holds each texel's center, -1 outside of all.
 
     A center on an edge that two faces share belongs to exactly one of them.
     """
-    images = [np.full((h, w), -1, np.int32) for w, h in atlas.page_sizes]
-    for page, image in enumerate(images):
-        faces = np.flatnonzero(atlas.page_of_face == page)
-        for start in range(0, len(faces), BATCH):
-            batch = faces[start : start + BATCH]
-            _draw(image, atlas.uv_px[atlas.faces[batch]], batch)
-    return images
+    width, height = atlas.page_sizes[page]
+    image = np.full((height, width), -1, np.int32)
+    faces = np.flatnonzero(atlas.page_of_face == page)
+    for start in range(0, len(faces), BATCH):
+        batch = faces[start : start + BATCH]
+        _draw(image, atlas.uv_px[atlas.faces[batch]], batch)
+    return image
 
 
 def _draw(image: NDArray[np.int32], corners: NDArray[np.float64], faces: NDArray[Any]) -> None:
@@ -52,7 +52,7 @@ def ranges(start: NDArray[np.int64], stop: NDArray[np.int64]) -> tuple[NDArray[A
 def _crossings(
     corners: NDArray[np.float64], owner: NDArray[Any], y: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Where the row at height y enters and leaves the face `owner`; empty spans have left > right."""
+    """Where the row at height y enters and leaves the face `owner`."""
     left, right = np.full(len(y), np.inf), np.full(len(y), -np.inf)
     for i in range(3):
         a, b = corners[:, i], corners[:, (i + 1) % 3]

@@ -8,57 +8,61 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.camera import Camera
-from texproj.color.points import Floats, SurfacePoints
-from texproj.color.sight import sight_of
+from texproj.color.lookup import depth_pixels, photo_pixels, read_colors, rescaled
+from texproj.color.points import Chunk, Floats
+from texproj.color.sight import Sight
 from texproj.color.view import PhotoView
-from texproj.color.weights import factors_at
-from texproj.options import ColorOptions
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
     """Colors of the points that a photo sees.
 
-    index: (m,) numbers of the points in their chunk; rgb: (m, 3) uint16 linear light (`view.WHITE`); weight: (m,) float32 in (0, 1].
+    seen: (n,) bool which points of the chunk; rgb: (m, 3) uint16 linear light (`view.WHITE`);
+    weight: (m,) float32 > 0.
     """
 
-    index: NDArray[np.intp]
+    seen: NDArray[np.bool_]
     rgb: NDArray[np.uint16]
     weight: Floats
 
 
-def sample(points: SurfacePoints, view: PhotoView, options: ColorOptions) -> Samples:
-    """The photo's color at every point that it sees with a weight above zero."""
-    sight = sight_of(points, view, options)
-    weight = np.ones(len(sight.index), np.float32)
-    for factor in factors_at(sight, view, options).values():
-        weight *= factor
-    used = np.flatnonzero(weight > 0)
-    rgb = read_colors(view, sight.xy_px[used], sight.pixels[used])
-    return Samples(points.index[sight.index[used]], rgb, weight[used])
+def sample(chunk: Chunk, sight: Sight, view: PhotoView) -> Samples | None:
+    """The photo's color at every point that it sees with a weight above zero; None if none."""
+    facing = sight.weight[chunk.owner] > 0
+    count = np.count_nonzero(facing)
+    if count == 0:
+        return None
+    part = chunk if count > len(chunk) // 2 else Chunk(chunk.xyz[facing], chunk.owner[facing])
+    xy_px, weight = project(part, sight, view)
+    seen = weight > 0
+    if not seen.any():
+        return None
+    rgb = read_colors(view, xy_px, sight.level[part.owner])[: len(seen)]
+    used = seen
+    if part is not chunk:
+        used = np.zeros(len(chunk), bool)
+        used[np.flatnonzero(facing)[seen]] = True
+    return Samples(used, rgb[seen], weight[seen])
 
 
-def read_colors(view: PhotoView, xy_px: Floats, pixels: Floats) -> NDArray[np.uint16]:
-    """(m, 3) linear colors, each from the pyramid level whose pixel fits the point's footprint."""
-    top = len(view.levels) - 1
-    level = np.clip(np.round(np.log2(np.maximum(pixels, 1)) - 0.2), 0, top).astype(np.int8)
-    rgb = np.empty((len(xy_px), 3), np.uint16)
-    for number in np.unique(level):
-        chosen = np.flatnonzero(level == number)
-        rgb[chosen] = bilinear(view.levels[number], xy_px[chosen], view.camera)
-    return rgb
+def project(chunk: Chunk, sight: Sight, view: PhotoView) -> tuple[Floats, Floats]:
+    """Where the points are in the photo, and their weights, 0 = unseen.
 
-
-def bilinear(image: NDArray[np.uint16], xy_px: Floats, camera: Camera) -> NDArray[np.uint16]:
-    """(m, 3) interpolated values at full-size pixels; the top-left pixel's center is (0.5, 0.5)."""
-    h, w = image.shape[:2]
-    scale = np.float32((w / camera.width, h / camera.height))
-    xy = (xy_px * scale - np.float32(0.5)).reshape(1, -1, 2)
-    width = 1 << 14  # cv2.remap takes no more than 32767 columns
-    rows = -(-xy.shape[1] // width)
-    padded = np.zeros((rows * width, 2), np.float32)
-    padded[: xy.shape[1]] = xy[0]
-    maps = padded.reshape(rows, width, 2)
-    out = cv2.remap(image, maps, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return out.reshape(-1, 3)[: xy.shape[1]]
+    Returns (rows, ROW, 2) float32 OpenCV pixels (the top-left pixel's center is 0) of the
+    full-size photo, of which the first n count; (n,) float32.
+    """
+    n = len(chunk)
+    in_depth, depth = depth_pixels(chunk.xyz, sight.origin, view.depth_camera)
+    hull = cv2.remap(view.hull, in_depth, None, cv2.INTER_NEAREST, borderValue=(-1, 0))
+    hull = hull.reshape(-1, 2)[:n]
+    weight = sight.weight[chunk.owner]
+    weight *= hull[:, 1]
+    nearest = depth * (1 - sight.tolerance[chunk.owner])
+    weight *= (nearest <= hull[:, 0]) & (depth > 0)
+    xy_px = photo_pixels(in_depth, view)
+    if view.trust is not None:
+        small = rescaled(xy_px, view.trust.shape, view.camera)
+        trust = cv2.remap(view.trust, small, None, cv2.INTER_NEAREST, borderValue=0)
+        weight *= trust.reshape(-1)[:n]
+    return xy_px, weight

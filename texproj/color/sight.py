@@ -1,91 +1,90 @@
-"""Which points of the surface a photo sees, and how."""
+"""How a camera sees the surface, owner by owner (face or vertex): what turns away, what is
+resolved how finely. Occlusion is decided point by point, in `sample`.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from texproj.camera import Camera
-from texproj.color.points import Floats, SurfacePoints, facing
-from texproj.color.view import PhotoView, lookup
+from texproj.color.points import Floats, Owners
 from texproj.options import ColorOptions
 
-DEPTH_TOLERANCE = np.float32(1e-3)
+DEPTH_TOLERANCE = 1e-3
 """Part of the distance by which a visible point may lie behind the rendered depth: float32 depth
 and the mesh's own noise."""
 
-DEPTH_TOLERANCE_PX = np.float32(1.5)
+DEPTH_TOLERANCE_PX = 1.5
 """Pixels of the depth image by which point and depth sample may be apart, times the slope."""
 
-STEEPEST = np.float32(20.0)
+STEEPEST = 20.0
 """Largest slope (tangent of the view angle) for which the tolerance still grows."""
+
+SHARPER = 0.2
+"""Octaves by which the pyramid level errs towards the sharper side."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """The points that a photo sees, and how.
+    """How one photo sees the owners of points.
 
-    index: (m,) which points; xy_px: (m, 2) float32 pixels of the photo; depth: (m,) float32;
-    cos_angle: (m,) float32 between the normal and the line of sight; pixels: (m,) float32 edge of
-    the square of photo pixels that falls on the square which the point stands for.
+    weight: (k,) float32 product of the surface factors, 0 = faces away or behind the camera;
+    tolerance: (k,) float32 relative depth by which points may lie behind the depth image;
+    level: (k,) int8 pyramid level whose pixels fit the points; origin: (3,) that of the owners.
     """
 
-    index: NDArray[np.intp]
-    xy_px: Floats
-    depth: Floats
-    cos_angle: Floats
-    pixels: Floats
-    depth_xy: Floats
+    origin: NDArray[np.float64]
+    weight: Floats
+    tolerance: Floats
+    level: NDArray[np.int8]
 
 
-def sight_of(points: SurfacePoints, view: PhotoView, options: ColorOptions) -> Sight:
-    """The points in the picture that face the camera and are hidden by nothing."""
-    camera = view.depth_camera
-    xyz = to_camera(points, camera)
-    cos_angle = facing(points.xyz, points.normal, points.origin, view.camera)
-    k = camera.intrinsics
-    with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = 1 / xyz[:, 2]
-        x, y = xyz[:, 0] * inverse, xyz[:, 1] * inverse
-        u, v = x * np.float32(k.fx) + np.float32(k.cx), y * np.float32(k.fy) + np.float32(k.cy)
-        candidate = (xyz[:, 2] > 0) & (cos_angle > np.float32(options.min_cos_angle))
-        candidate &= (u >= 0) & (v >= 0) & (u < k.width) & (v < k.height)
-    index = np.flatnonzero(candidate)
-    cos_angle, depth = cos_angle[index], xyz[index, 2]
-    depth_xy = np.stack([u[index], v[index]], axis=1)
-    keep = unhidden(depth_xy, depth, cos_angle, view)
-    xy_px = photo_pixels(np.stack([x[index], y[index]], axis=1), view.camera)
-    keep &= view.camera.inside(xy_px)
-    index, cos_angle, depth = index[keep], cos_angle[keep], depth[keep]
-    focal = np.float32(view.camera.intrinsics.fx)
-    pixels = focal / depth * points.spacing[index] * np.sqrt(cos_angle)
-    return Sight(index, xy_px[keep], depth, cos_angle, pixels, depth_xy[keep])
+def sight_of(
+    owners: Owners, camera: Camera, depth_camera: Camera, levels: int, options: ColorOptions
+) -> Sight:
+    """The sight of a photo with so many pyramid levels."""
+    cosine = facing(owners, camera)
+    seen = cosine > np.float32(options.min_cos_angle)
+    cosine = np.where(seen, cosine, np.float32(1))
+    pixels = resolution(owners, camera)
+    weight = np.where(seen & (pixels > 0), np.float32(1), np.float32(0))
+    for factor in surface_factors(cosine, pixels, options).values():
+        weight *= factor
+    slope = np.clip(np.sqrt(np.maximum(1 - cosine * cosine, 0)) / cosine, 1, STEEPEST)
+    footprint = DEPTH_TOLERANCE_PX / depth_camera.intrinsics.fx
+    octave = np.log2(np.maximum(pixels * np.sqrt(cosine), 1)) - SHARPER
+    level = np.clip(np.round(octave), 0, max(levels - 1, 0)).astype(np.int8)
+    tolerance = (DEPTH_TOLERANCE + footprint * slope).astype(np.float32)
+    return Sight(owners.origin, weight, tolerance, level)
 
 
-def to_camera(points: SurfacePoints, camera: Camera) -> Floats:
-    """(n, 3) float32 camera coordinates; the large offset is taken out in float64."""
-    R, t = camera.pose.R, camera.pose.apply(points.origin)
-    matrix = np.concatenate([R, t.reshape(3, 1)], axis=1).astype(np.float32)
-    return cv2.transform(points.xyz.reshape(-1, 1, 3), matrix).reshape(-1, 3)
+def surface_factors(cosine: Floats, pixels: Floats, options: ColorOptions) -> dict[str, Floats]:
+    """Each (k,) float32 factor by name.
+
+    angle: cosine between normal and line of sight; density: pixels of the photo per point,
+    seen frontally, along a line squared, saturated at one.
+    """
+    return {
+        "angle": cosine ** np.float32(options.angle_power),
+        "density": np.minimum(pixels * pixels, 1) ** np.float32(options.density_power),
+    }
 
 
-def photo_pixels(ideal: Floats, camera: Camera) -> Floats:
-    """(m, 2) normalized pinhole coordinates to pixels of the photo, through the full lens model."""
-    k = camera.intrinsics
-    if k.distorted:
-        ideal = k.distort(ideal).astype(np.float32)
-    return ideal * np.float32((k.fx, k.fy)) + np.float32((k.cx, k.cy))
+def facing(owners: Owners, camera: Camera) -> Floats:
+    """(k,) cosine of the angle between normal and line of sight; negative on back faces."""
+    to_eye = (camera.center - owners.origin).astype(np.float32) - owners.center
+    along = np.einsum("ij,ij->i", to_eye, owners.normal)
+    length = np.sqrt(np.einsum("ij,ij->i", to_eye, to_eye))
+    return along / np.maximum(length, np.float32(1e-30))
 
 
-def unhidden(
-    depth_xy: Floats, depth: Floats, cos_angle: Floats, view: PhotoView
-) -> NDArray[np.bool_]:
-    """(m,) whether nothing lies in front, with a tolerance relative to distance and slope."""
-    rendered = lookup(view.depth, depth_xy)
-    slope = np.sqrt(np.maximum(1 - cos_angle * cos_angle, 0)) / cos_angle
-    footprint = DEPTH_TOLERANCE_PX / np.float32(view.depth_camera.intrinsics.fx)
-    tolerance = DEPTH_TOLERANCE + footprint * np.clip(slope, 1, STEEPEST)
-    return depth * (1 - tolerance) <= rendered
+def resolution(owners: Owners, camera: Camera) -> Floats:
+    """(k,) pixels of the photo per point along a line, seen frontally; 0 behind the camera."""
+    axis = camera.pose.R[2].astype(np.float32)
+    depth = owners.center @ axis + np.float32(camera.pose.apply(owners.origin[None])[0, 2])
+    focal = np.float32(np.sqrt(camera.intrinsics.fx * camera.intrinsics.fy))
+    pixels = focal * owners.spacing / np.where(depth > 0, depth, np.float32(np.inf))
+    return pixels.astype(np.float32)

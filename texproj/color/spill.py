@@ -4,22 +4,19 @@ and memory that does not know how many photos there are.
 
 from __future__ import annotations
 
-import os
-import tempfile
-from threading import Lock
 from dataclasses import dataclass
-from typing import BinaryIO, cast
+from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
 
 from texproj.color.points import Floats
 from texproj.color.sample import Samples
+from texproj.color.scratch import Scratch
 from texproj.color.view import WHITE
 
 WEIGHT_ONE = 65535
 """The 16-bit value of weight 1; a weight above zero is stored as at least 1."""
-
 
 SURVEYED_CHUNKS = 48
 """Chunks that a survey reads."""
@@ -28,9 +25,8 @@ SURVEYED_CHUNKS = 48
 @dataclass(frozen=True)
 class _Record:
     photo: int
-    offset: int
+    start: int
     count: int
-    points: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,72 +43,56 @@ class Stack:
 
 
 class Spill:
-    """An unnamed temporary file that holds the samples of photos, chunk by chunk.
+    """The samples of photos in a scratch file, chunk by chunk.
 
-    8 bytes per sample and one bit per point of a chunk that a photo sees any of. The disk space
-    goes back when the spill is closed, even if the process is killed.
+    8 bytes per sample and one bit per point of a chunk that a photo sees any of.
     """
 
-    def __init__(self, sizes: list[int]) -> None:
+    def __init__(self, sizes: list[int], scratch: Scratch) -> None:
         """`sizes`: points of each chunk."""
-        self._sizes = sizes
-        self._file = cast("BinaryIO", tempfile.TemporaryFile(prefix="texproj-"))  # noqa: SIM115
+        self.sizes = sizes
+        self._scratch = scratch
         self._records: list[list[_Record]] = [[] for _ in sizes]
-        self._end = 0
         self._lock = Lock()
 
-    def __enter__(self) -> Spill:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._file.close()
-
-    @property
-    def size_bytes(self) -> int:
-        """How much has been written."""
-        return self._end
-
     def add(self, photo: int, chunk: int, samples: Samples) -> None:
-        """Append what `photo` says about `chunk`."""
-        if not len(samples.index):
-            return
-        seen = np.zeros(self._sizes[chunk], bool)
-        seen[samples.index] = True
-        packed = np.empty((4, len(samples.index)), np.uint16)
-        packed[:3] = samples.rgb.T
-        packed[3] = np.maximum(samples.weight * WEIGHT_ONE, 1)
-        data = np.packbits(seen).tobytes() + packed.tobytes()
+        """Keep what `photo` says about `chunk`."""
+        packed = np.empty((len(samples.weight), 4), np.uint16)
+        packed[:, :3] = samples.rgb
+        packed[:, 3] = np.maximum(samples.weight * np.float32(WEIGHT_ONE), 1)
+        start = self._scratch.append(np.packbits(samples.seen).tobytes(), packed.tobytes())
         with self._lock:
-            self._records[chunk].append(_Record(photo, self._end, len(samples.index), len(seen)))
-            self._end += len(data)
-        os.pwrite(self._file.fileno(), data, self._records[chunk][-1].offset)
+            self._records[chunk].append(_Record(photo, start, len(packed)))
 
     def read(self, chunk: int) -> Stack:
         """Everything about `chunk`, densely."""
-        records, n = self._records[chunk], self._sizes[chunk]
-        rgb = np.zeros((len(records), 3, n), np.float32)
-        weight = np.zeros((len(records), n), np.float32)
+        records = sorted(self._records[chunk], key=lambda record: record.photo)
+        rgb = np.zeros((len(records), 3, self.sizes[chunk]), np.float32)
+        weight = np.zeros((len(records), self.sizes[chunk]), np.float32)
         for row, record in enumerate(records):
-            index, packed = self._load(record)
-            for channel in range(3):
-                rgb[row, channel, index] = packed[channel] * np.float32(1 / WHITE)
-            weight[row, index] = packed[3] * np.float32(1 / WEIGHT_ONE)
-        photos = np.array([record.photo for record in records], np.intp)
-        return Stack(photos, rgb, weight)
+            values = self._load(record, self.sizes[chunk]).T
+            np.multiply(values[:3], np.float32(1 / WHITE), out=rgb[row])
+            np.multiply(values[3], np.float32(1 / WEIGHT_ONE), out=weight[row])
+        return Stack(np.array([record.photo for record in records], np.intp), rgb, weight)
 
     def survey(self, points: int) -> list[Stack]:
-        """About `points` points, spread over a few dozen chunks."""
+        """About `points` points, spread over a few dozen chunks that several photos see."""
         used = [chunk for chunk, records in enumerate(self._records) if len(records) > 1]
         chosen = used[:: max(1, len(used) // SURVEYED_CHUNKS)]
-        step = max(1, sum(self._sizes[chunk] for chunk in chosen) // points)
+        step = max(1, sum(self.sizes[chunk] for chunk in chosen) // points)
         stacks = (self.read(chunk) for chunk in chosen)
         return [
             Stack(s.photos, s.rgb[:, :, ::step].copy(), s.weight[:, ::step].copy()) for s in stacks
         ]
 
-    def _load(self, record: _Record) -> tuple[NDArray[np.intp], NDArray[np.uint16]]:
-        bits = -(-record.points // 8)
-        data = os.pread(self._file.fileno(), bits + 8 * record.count, record.offset)
-        seen = np.unpackbits(np.frombuffer(data, np.uint8, bits), count=record.points)
-        packed = np.frombuffer(data, np.uint16, 4 * record.count, bits).reshape(4, -1)
-        return np.flatnonzero(seen), packed
+    def _load(self, record: _Record, points: int) -> NDArray[np.uint16]:
+        """(n, 4) values of a record, 0 where unseen."""
+        bits = -(-points // 8)
+        data = self._scratch.read(record.start, bits + 8 * record.count)
+        packed = np.frombuffer(data, np.uint16, 4 * record.count, bits).reshape(-1, 4)
+        if record.count == points:
+            return packed
+        dense = np.zeros((points, 4), np.uint16)
+        seen = np.unpackbits(np.frombuffer(data, np.uint8, bits), count=points).view(bool)
+        dense.view(np.uint64)[seen, 0] = packed.copy().view(np.uint64)[:, 0]
+        return dense

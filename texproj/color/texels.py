@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.camera import Camera
 from texproj.color.atlas import Atlas
-from texproj.color.points import Floats, SurfacePoints, facing
-from texproj.color.raster import face_images
+from texproj.color.points import Chunk, Floats, Owners
+from texproj.color.raster import face_image
+from texproj.color.scratch import Scratch
 from texproj.mesh import Mesh, face_areas, vertex_normals
 
 TILE = 256
@@ -19,85 +19,115 @@ TILE = 256
 
 
 class Tile(NamedTuple):
-    """A rectangle of a page."""
+    """A square of a page that holds texels of the surface.
+
+    texels: how many on the surface; start: where their data lie in the scratch file.
+    """
 
     page: int
     rows: slice
     columns: slice
+    texels: int
+    start: int
 
 
 @dataclass(frozen=True, eq=False)
 class TexelPoints:
-    """The texels that a face covers.
+    """The texels whose centers a face covers, tile by tile, on disk: 16 bytes and a bit each."""
 
-    faces: one (h, w) int32 image per page, the face of each texel, -1 = none;
-    tiles: the chunks; only tiles with texels on the surface.
-    origin: (3,) float64 world; center, normal: (F, 3) float32 of the faces, relative to origin;
-    edge_x, edge_y: (F, 3) float32 step on the surface per texel to the right and down;
-    anchor: (F, 3) float32 where texel coordinate (0, 0) of the page would lie in the face's plane,
-    moved to `corner` for precision; spacing: (F,) edge of a texel on the surface.
-    """
-
-    faces: list[NDArray[np.int32]]
+    owners: Owners
     tiles: list[Tile]
-    counts: list[int]
-    origin: NDArray[np.float64]
-    center: Floats
-    normal: Floats
-    spacing: Floats
-    frame: Floats
+    scratch: Scratch
 
     @classmethod
-    def of(cls, mesh: Mesh, atlas: Atlas) -> TexelPoints:
-        """All texels of the atlas."""
-        images = face_images(atlas)
-        tiles = [tile for page, image in enumerate(images) for tile in _tiles(page, image)]
-        counts = [int((images[t.page][t.rows, t.columns] >= 0).sum()) for t in tiles]
-        used = [i for i, count in enumerate(counts) if count]
-        origin = mesh.center
-        corners = (mesh.vertices - origin)[mesh.faces]
+    def of(cls, mesh: Mesh, atlas: Atlas, scratch: Scratch) -> TexelPoints:
+        """All texels of the atlas, written to `scratch`."""
+        corners = (mesh.vertices - mesh.center)[mesh.faces]
         normal = vertex_normals(mesh)[mesh.faces].sum(axis=1)
-        length = np.linalg.norm(normal, axis=1, keepdims=True)
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
         uv = atlas.uv_px[atlas.faces]
-        return cls(
-            images,
-            [tiles[i] for i in used],
-            [counts[i] for i in used],
-            origin,
+        owners = Owners(
+            mesh.center,
             corners.mean(axis=1).astype(np.float32),
-            (normal / np.maximum(length, 1e-30)).astype(np.float32),
+            normal.astype(np.float32),
             _texel_edge(mesh, uv),
-            surface_frames(corners, uv),
         )
+        frames = surface_frames(corners, uv)
+        tiles = []
+        for page in range(len(atlas.page_sizes)):
+            tiles += _write_page(page, face_image(atlas, page), frames, scratch)
+        return cls(owners, tiles, scratch)
 
     @property
     def sizes(self) -> list[int]:
-        return self.counts
+        return [tile.texels for tile in self.tiles]
 
-    def candidates(self, camera: Camera) -> NDArray[np.bool_]:
-        """Faces that face the camera."""
-        return facing(self.center, self.normal, self.origin, camera) > 0
-
-    def chunk(self, number: int, candidates: NDArray[np.bool_]) -> SurfacePoints:
+    def chunk(self, number: int) -> Chunk:
         tile = self.tiles[number]
-        image = self.faces[tile.page][tile.rows, tile.columns]
-        flat = np.flatnonzero(image.ravel() >= 0)
-        face = image.ravel()[flat]
-        index = np.flatnonzero(candidates[face])
-        face, flat = face[index], flat[index]
-        width = image.shape[1]
-        x = (flat % width).astype(np.float32) + np.float32(tile.columns.start + 0.5)
-        y = (flat // width).astype(np.float32) + np.float32(tile.rows.start + 0.5)
-        f = self.frame[face]
-        dx, dy = x - f[:, 9], y - f[:, 10]
-        xyz = f[:, 0:3] + f[:, 3:6] * dx[:, None] + f[:, 6:9] * dy[:, None]
-        return SurfacePoints(index, xyz, self.origin, self.normal[face], self.spacing[face])
+        start = tile.start + _mask_bytes(tile)
+        data = self.scratch.read(start, 16 * tile.texels)
+        owner = np.frombuffer(data, np.int32, tile.texels)
+        xyz = np.frombuffer(data, np.float32, 3 * tile.texels, 4 * tile.texels)
+        return Chunk(xyz.reshape(-1, 3), owner)
 
     def place(self, number: int, page: NDArray[np.generic], values: NDArray[np.generic]) -> None:
         """Write the values of a chunk's texels into an image of its page."""
         tile = self.tiles[number]
-        on_surface = self.faces[tile.page][tile.rows, tile.columns] >= 0
-        page[tile.rows, tile.columns][on_surface] = values
+        page[tile.rows, tile.columns][self.mask(number)] = values
+
+    def mask(self, number: int) -> NDArray[np.bool_]:
+        """Image of a tile: which of its texels lie on the surface, in the order of the chunk."""
+        tile = self.tiles[number]
+        shape = (tile.rows.stop - tile.rows.start, tile.columns.stop - tile.columns.start)
+        bits = np.frombuffer(self.scratch.read(tile.start, _mask_bytes(tile)), np.uint8)
+        return np.unpackbits(bits, count=shape[0] * shape[1]).reshape(shape).view(bool)
+
+    def inside(self, page: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+        """(h, w) which texels of a page lie on the surface."""
+        out = np.zeros(shape[:2], bool)
+        for number, tile in enumerate(self.tiles):
+            if tile.page == page:
+                out[tile.rows, tile.columns] = self.mask(number)
+        return out
+
+    def owners_at(self, number: int, chosen: NDArray[np.bool_]) -> NDArray[np.int32]:
+        """The faces of chosen texels (an image of the tile, only texels on the surface)."""
+        return self.chunk(number).owner[chosen[self.mask(number)]]
+
+
+def _mask_bytes(tile: Tile) -> int:
+    texels = (tile.rows.stop - tile.rows.start) * (tile.columns.stop - tile.columns.start)
+    return -(-texels // 8)
+
+
+def _write_page(
+    page: int, faces: NDArray[np.int32], frames: Floats, scratch: Scratch
+) -> list[Tile]:
+    """The tiles of a page; each: which texels, then their faces, then their positions."""
+    height, width = faces.shape
+    tiles = []
+    for y in range(0, height, TILE):
+        for x in range(0, width, TILE):
+            rows, columns = slice(y, min(y + TILE, height)), slice(x, min(x + TILE, width))
+            part = faces[rows, columns]
+            mask = part >= 0
+            count = int(np.count_nonzero(mask))
+            if count:
+                owner = part[mask]
+                row, column = np.nonzero(mask)
+                xyz = on_surface(frames[owner], column + (x + 0.5), row + (y + 0.5))
+                start = scratch.append(
+                    np.packbits(mask).tobytes(), owner.tobytes(), xyz.astype(np.float32).tobytes()
+                )
+                tiles.append(Tile(page, rows, columns, count, start))
+    return tiles
+
+
+def on_surface(frames: Floats, x: NDArray[Any], y: NDArray[Any]) -> Floats:
+    """(n, 3) points of page positions (x, y), each in the plane of its face's frame."""
+    dx = (x - frames[:, 9]).astype(np.float32)[:, None]
+    dy = (y - frames[:, 10]).astype(np.float32)[:, None]
+    return frames[:, 0:3] + frames[:, 3:6] * dx + frames[:, 6:9] * dy
 
 
 def surface_frames(corners: NDArray[np.float64], uv: NDArray[np.float64]) -> Floats:
@@ -118,12 +148,3 @@ def _texel_edge(mesh: Mesh, uv: NDArray[np.float64]) -> Floats:
     (a, b), (c, d) = (uv[:, 1] - uv[:, 0]).T, (uv[:, 2] - uv[:, 0]).T
     area_px = 0.5 * np.abs(a * d - b * c)
     return np.sqrt(face_areas(mesh) / np.maximum(area_px, 1e-12)).astype(np.float32)
-
-
-def _tiles(page: int, image: NDArray[np.int32]) -> list[Tile]:
-    height, width = image.shape
-    return [
-        Tile(page, slice(y, min(y + TILE, height)), slice(x, min(x + TILE, width)))
-        for y in range(0, height, TILE)
-        for x in range(0, width, TILE)
-    ]

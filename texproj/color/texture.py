@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from typing import Any
 
 import numpy as np
@@ -15,10 +15,12 @@ from texproj.color.combine import Blend, blend
 from texproj.color.density import texels_per_unit
 from texproj.color.gains import Gains, no_gains, solve_gains
 from texproj.color.pages import fill_page
-from texproj.color.project import LoadPhoto, Progress, project_photos, workers
+from texproj.color.project import LoadPhoto, Progress, in_parallel, project_photos
 from texproj.color.result import Texture
+from texproj.color.scratch import Scratch
 from texproj.color.spill import Spill
 from texproj.color.texels import TexelPoints
+from texproj.color.unseen import fill_unseen
 from texproj.color.unwrap import unwrap
 from texproj.mesh import Mesh
 from texproj.options import ColorOptions, UnwrapOptions
@@ -47,16 +49,23 @@ def color_texture(
     with renderer.load(mesh) as scene:
         density = texels_per_unit(mesh, cameras, scene, options)
         atlas = unwrap(mesh, density, unwrap_options)
-        points = TexelPoints.of(mesh, atlas)
-        with project_photos(points, cameras, load_photo, scene, options, progress) as spill:
+        with closing(Scratch()) as scratch:
+            points = TexelPoints.of(mesh, atlas, scratch)
+            spill = project_photos(points, cameras, load_photo, scene, options, scratch, progress)
             gains = solve_gains(spill, len(cameras)) if options.gains else no_gains(len(cameras))
-            return bake(points, atlas, spill, gains, options)
+            pages, counts, share = bake(points, atlas, spill, gains, options)
+            fill_unseen(mesh, atlas, points, pages, counts)
+            for number, page in enumerate(pages):
+                fill_page(page, points.inside(number, page.shape))
+    return Texture(atlas, tuple(pages), tuple(counts), quality_of(points, counts, share, gains))
 
 
 def bake(
     points: TexelPoints, atlas: Atlas, spill: Spill, gains: Gains, options: ColorOptions
-) -> Texture:
-    """The pages of the texture from the samples of all photos."""
+) -> tuple[list[NDArray[Any]], list[NDArray[np.uint8]], NDArray[np.float64]]:
+    """Blend the samples of all photos: pages, photo counts, and each photo's part of the colors in
+    texels. What is unseen stays 0.
+    """
     kind = np.uint8 if options.bits == 8 else np.uint16
     pages = [np.zeros((h, w, 3), kind) for w, h in atlas.page_sizes]
     counts = [np.zeros((h, w), np.uint8) for w, h in atlas.page_sizes]
@@ -70,11 +79,8 @@ def bake(
         points.place(number, counts[page], np.minimum(result.photo_count, 255).astype(np.uint8))
         np.add.at(share, stack.photos, result.share)
 
-    with ThreadPoolExecutor(workers()) as pool:
-        list(pool.map(one, range(len(points.tiles))))
-    for page, count in zip(pages, counts, strict=True):
-        fill_page(page, count > 0)
-    return Texture(atlas, tuple(pages), tuple(counts), quality_of(points, counts, share, gains))
+    in_parallel(one, range(len(points.tiles)))
+    return pages, counts, share
 
 
 def encoded(result: Blend, bits: int) -> NDArray[Any]:
@@ -88,7 +94,7 @@ def quality_of(
     points: TexelPoints, counts: list[NDArray[np.uint8]], share: NDArray[np.float64], gains: Gains
 ) -> dict[str, Any]:
     """Numbers for the report: see README."""
-    texels = sum(points.counts)
+    texels = sum(points.sizes)
     seen = sum(int(np.count_nonzero(count)) for count in counts)
     return {
         "texels": texels,

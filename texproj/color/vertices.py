@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import closing
 
 import numpy as np
 
@@ -10,9 +11,10 @@ from texproj.camera import Camera
 from texproj.color.combine import blend
 from texproj.color.fill import fill_vertices
 from texproj.color.gains import no_gains, solve_gains
-from texproj.color.points import CHUNK, VertexPoints
+from texproj.color.points import VertexPoints
 from texproj.color.project import LoadPhoto, Progress, project_photos
 from texproj.color.result import VertexColors
+from texproj.color.scratch import Scratch
 from texproj.mesh import Mesh
 from texproj.options import ColorOptions
 from texproj.render import Renderer
@@ -36,13 +38,11 @@ def color_vertices(
     rgb = np.zeros((len(mesh.vertices), 3), np.float32)
     weight = np.zeros(len(mesh.vertices), np.float32)
     count = np.zeros(len(mesh.vertices), np.uint16)
-    with (
-        renderer.load(mesh) as scene,
-        project_photos(points, cameras, load_photo, scene, options, progress) as spill,
-    ):
+    with renderer.load(mesh) as scene, closing(Scratch()) as scratch:
+        spill = project_photos(points, cameras, load_photo, scene, options, scratch, progress)
         gains = solve_gains(spill, len(cameras)) if options.gains else no_gains(len(cameras))
         for chunk in range(len(points.sizes)):
-            part = slice(chunk * CHUNK, (chunk + 1) * CHUNK)
+            part = points.rows(chunk)
             result = blend(
                 spill.read(chunk), gains.factor, options.robust_scale, options.robust_rounds
             )

@@ -1,8 +1,8 @@
-"""A photo made ready for sampling: its depth, its silhouettes, its image pyramid."""
+"""A photo made ready for sampling: its depth, its image pyramid, what in it can be trusted."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import cv2
@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.camera import Camera
+from texproj.color.pictures import picture_factors, silhouette_factor
+from texproj.color.points import Floats
 from texproj.options import ColorOptions
 from texproj.photo import LINEAR_OF_SRGB8, Photo
 from texproj.render import Scene, pinhole_cover
@@ -19,9 +21,8 @@ WHITE = 60000.0
 
 LINEAR16_OF_SRGB8 = np.round(LINEAR_OF_SRGB8 * WHITE).astype(np.uint16)
 
-DEPTH_JUMP_PX = 12.0
-"""Depth steps between neighboring pixels larger than so many pixel footprints are silhouettes:
-a plane seen at 85 degrees off its normal makes steps of 11."""
+LENS_CELL = 8
+"""Pixels of the depth image per node of the table of lens displacements."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,46 +31,54 @@ class PhotoView:
 
     camera: of the photo's decoded size; levels: the photo in linear light, 16 bit (`WHITE`),
     each level half the size of the one before; depth_camera: pinhole, covers the photo;
-    depth: (h, w) float32 along its axis, inf = nothing there; silhouette_px: (h, w) float32
-    distance from the next depth discontinuity, in pixels of the photo;
-    mask_px: the distance from the next masked pixel, in pixels of the photo, or None.
+    hull: (h, w, 2) float32 in the pixels of the depth camera: depth along its axis (inf = nothing
+    there) and the silhouette factor; trust: (h, w) float32 product of the picture factors, in a
+    reduced picture of the photo.
     """
 
     camera: Camera
-    levels: tuple[NDArray[np.uint16], ...]
     depth_camera: Camera
-    depth: NDArray[np.float32]
-    silhouette_px: NDArray[np.float32]
-    mask_px: NDArray[np.float32] | None
-
-    @property
-    def diagonal_px(self) -> float:
-        return float(np.hypot(self.camera.width, self.camera.height))
+    hull: Floats
+    levels: tuple[NDArray[np.uint16], ...] = ()
+    trust: Floats | None = None
 
     @cached_property
-    def depth_pixel(self) -> float:
-        """Pixels of the photo per pixel of the depth image."""
-        return self.camera.intrinsics.fx / self.depth_camera.intrinsics.fx
+    def lens(self) -> Floats | None:
+        """(h, w, 2) displacement by the lens, pixels of the photo, at nodes `LENS_CELL` pixels of
+        the depth image apart, the first node at (-LENS_CELL/2, -LENS_CELL/2); None without.
+        """
+        if not self.camera.intrinsics.distorted:
+            return None
+        k, d = self.camera.intrinsics, self.depth_camera.intrinsics
+        x = (np.arange(-(-d.width // LENS_CELL) + 2) - 0.5) * LENS_CELL
+        y = (np.arange(-(-d.height // LENS_CELL) + 2) - 0.5) * LENS_CELL
+        ideal = np.stack(np.meshgrid((x - d.cx) / d.fx, (y - d.cy) / d.fy), axis=-1)
+        bent = k.distort(ideal.reshape(-1, 2)).reshape(ideal.shape)
+        shift = (bent - ideal) * (k.fx, k.fy)
+        return np.where(np.isfinite(shift), shift, 1e6).astype(np.float32)
 
 
 def photo_view(photo: Photo, camera: Camera, scene: Scene, options: ColorOptions) -> PhotoView:
     """What `photo` sees of the scene. `camera` is that of the full-size photo."""
-    view = bare_view(camera.resized(photo.width, photo.height), scene, options.depth_scale)
-    return replace(
-        view,
-        levels=image_pyramid(photo),
-        silhouette_px=silhouette_distance(view.depth, view.depth_camera.intrinsics.fx)
-        * np.float32(view.depth_pixel),
-        mask_px=mask_distance(photo.mask),
-    )
+    camera = camera.resized(photo.width, photo.height)
+    depth_camera, depth = depth_seen(camera, scene, options.depth_scale)
+    focal, diagonal = depth_camera.intrinsics.fx, np.hypot(camera.width, camera.height)
+    feather = options.silhouette_feather * diagonal * focal / camera.intrinsics.fx
+    levels = image_pyramid(photo)
+    small = levels[min(1, len(levels) - 1)]
+    trust = np.ones(small.shape[:2], np.float32)
+    for factor in picture_factors(photo, small, WHITE, options).values():
+        trust *= factor
+    hull = np.dstack([depth, silhouette_factor(depth, focal, feather)])
+    return PhotoView(camera, depth_camera, hull, levels, trust)
 
 
-def bare_view(camera: Camera, scene: Scene, depth_scale: float) -> PhotoView:
-    """What `camera` sees of the scene, without the photo and what is made from it."""
-    depth_camera = pinhole_cover(camera.scaled(depth_scale))
+def depth_seen(camera: Camera, scene: Scene, scale: float) -> tuple[Camera, Floats]:
+    """A pinhole camera that covers the picture, reduced by `scale`, and the depth that it sees."""
+    depth_camera = pinhole_cover(camera.scaled(scale))
     depth = scene.gbuffer(depth_camera, ("depth",)).depth
     assert depth is not None
-    return PhotoView(camera, (), depth_camera, depth, np.full_like(depth, 1e6), None)
+    return depth_camera, depth
 
 
 def image_pyramid(photo: Photo, smallest: int = 32) -> tuple[NDArray[np.uint16], ...]:
@@ -82,32 +91,3 @@ def image_pyramid(photo: Photo, smallest: int = 32) -> tuple[NDArray[np.uint16],
     while min(levels[-1].shape[:2]) >= 2 * smallest:
         levels.append(cv2.resize(levels[-1], None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
     return tuple(levels)
-
-
-def silhouette_distance(depth: NDArray[np.float32], focal_px: float) -> NDArray[np.float32]:
-    """(h, w) distance in pixels from the next depth discontinuity or border of the mesh.
-
-    A discontinuity is a step of more than `DEPTH_JUMP_PX` pixel footprints (depth / focal).
-    """
-    finite = np.where(np.isfinite(depth), depth, np.float32(1e30))
-    kernel = np.ones((3, 3), np.uint8)
-    near, far = cv2.erode(finite, kernel), cv2.dilate(finite, kernel)
-    smooth = far - near <= near * np.float32(DEPTH_JUMP_PX / focal_px)
-    if smooth.all():
-        return np.full(depth.shape, np.float32(1e6))
-    return cv2.distanceTransform(smooth.astype(np.uint8), cv2.DIST_L2, 3)
-
-
-def mask_distance(mask: NDArray[np.uint8] | None) -> NDArray[np.float32] | None:
-    """(h, w) distance in pixels from the next masked pixel; None without a mask or an empty one."""
-    if mask is None or mask.all():
-        return None
-    return cv2.distanceTransform((mask > 0).astype(np.uint8), cv2.DIST_L2, 5)
-
-
-def lookup(image: NDArray[np.float32], xy_px: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(m,) value of the pixel that each position falls in."""
-    h, w = image.shape
-    column = np.minimum(xy_px[:, 0].astype(np.int32), w - 1)
-    row = np.minimum(xy_px[:, 1].astype(np.int32), h - 1)
-    return image.ravel()[row * w + column]

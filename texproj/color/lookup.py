@@ -1,0 +1,76 @@
+"""Pixel positions of points, and values there. Positions are OpenCV's: the top-left pixel's center
+is (0, 0), half a pixel off everything outside of this module.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.camera import Camera
+from texproj.color.points import Floats
+from texproj.color.view import LENS_CELL, PhotoView
+
+ROW = 256
+"""Lookups are arranged in rows of this many, since OpenCV takes at most 32767 columns."""
+
+
+def depth_pixels(xyz: Floats, origin: NDArray[np.float64], camera: Camera) -> tuple[Floats, Floats]:
+    """(rows, ROW, 2) positions of points (n, 3) in a pinhole camera's picture, and (n,) depth.
+
+    xyz is relative to `origin`, which is taken into the camera's frame in float64.
+    """
+    K, R, t = camera.intrinsics.K, camera.pose.R, camera.pose.apply(origin[None])[0]
+    K[:2, 2] -= 0.5
+    matrix = np.concatenate([K @ R, (K @ t)[:, None]], axis=1).astype(np.float32)
+    homogeneous = cv2.transform(xyz.reshape(-1, 1, 3), matrix).reshape(-1, 3)
+    depth = homogeneous[:, 2]
+    maps = np.full((-(-len(xyz) // ROW) * ROW, 2), -1e6, np.float32)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = 1 / depth
+        np.multiply(homogeneous[:, 0], inverse, out=maps[: len(xyz), 0])
+        np.multiply(homogeneous[:, 1], inverse, out=maps[: len(xyz), 1])
+    return maps.reshape(-1, ROW, 2), depth
+
+
+def photo_pixels(in_depth: Floats, view: PhotoView) -> Floats:
+    """Positions in the full-size photo, through the lens, from those in the depth image."""
+    d, k = view.depth_camera.intrinsics, view.camera.intrinsics
+    sx, sy = k.fx / d.fx, k.fy / d.fy
+    offset = k.cx - 0.5 - (d.cx - 0.5) * sx, k.cy - 0.5 - (d.cy - 0.5) * sy
+    straight = affine(in_depth, (sx, sy), offset)
+    if view.lens is None:
+        return straight
+    node = affine(in_depth, (1 / LENS_CELL, 1 / LENS_CELL), (0.5 + 0.5 / LENS_CELL,) * 2)
+    shift = cv2.remap(view.lens, node, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return straight + shift
+
+
+def rescaled(xy_px: Floats, shape: tuple[int, ...], camera: Camera) -> Floats:
+    """Positions in a smaller copy of the photo."""
+    sx, sy = shape[1] / camera.width, shape[0] / camera.height
+    return affine(xy_px, (sx, sy), (0.5 * sx - 0.5, 0.5 * sy - 0.5))
+
+
+def affine(maps: Floats, scale: tuple[float, float], offset: tuple[float, float]) -> Floats:
+    """maps * scale + offset, per axis."""
+    matrix = np.array([[scale[0], 0, offset[0]], [0, scale[1], offset[1]]], np.float32)
+    return cv2.transform(maps, matrix)
+
+
+def read_colors(view: PhotoView, xy_px: Floats, level: NDArray[np.int8]) -> NDArray[np.uint16]:
+    """(rows * ROW, 3) linear colors at full-size positions, each from its pyramid level."""
+    rgb: NDArray[np.uint16] | None = None
+    for number in np.flatnonzero(np.bincount(level)):
+        image = view.levels[number]
+        maps = xy_px if number == 0 else rescaled(xy_px, image.shape, view.camera)
+        values = cv2.remap(image, maps, None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+        values = values.reshape(-1, 3)
+        if rgb is None:
+            rgb = values
+        else:
+            chosen = np.flatnonzero(level == number)
+            rgb[chosen] = values[chosen]
+    assert rgb is not None
+    return rgb

@@ -1,0 +1,90 @@
+"""What in a picture can be trusted: named factors in 0..1, as images.
+
+After the masks of Callieri, Cignoni, Corsini, Scopigno, "Masked photo blending", Computers &
+Graphics 2008; the formulas are ours.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.color.points import Floats
+from texproj.options import ColorOptions
+from texproj.photo import Photo
+
+FLOOR = np.float32(0.01)
+"""What a doubtful but visible sample keeps: it yields to every better one, yet colors a point
+that has no better one."""
+
+DEPTH_JUMP_PX = 12.0
+"""Depth steps between neighboring pixels larger than so many pixel footprints are silhouettes:
+a plane seen at 85 degrees off its normal makes steps of 11."""
+
+CLIPPED = 0.9
+"""Linear light from which on a channel begins to be clipped: 243 of 255."""
+
+
+def picture_factors(
+    photo: Photo, small: NDArray[np.uint16], white: float, options: ColorOptions
+) -> dict[str, Floats]:
+    """Each factor's (h, w) float32 image by name, in a reduced picture of the photo.
+
+    border: ramp from the picture's edge; mask: ramp from the stencil, 0 on it (only if there is
+    one); exposure: falls where a channel is clipped. small: (h, w, 3) linear light, `white` = 1.
+    """
+    height, width = small.shape[:2]
+    scale = width / photo.width
+    diagonal = float(np.hypot(width, height))
+    factors = {"border": border_factor(height, width, options.border_feather * diagonal)}
+    if photo.mask is not None and not photo.mask.all():
+        factors["mask"] = mask_factor(photo.mask, small.shape[:2], options.mask_feather * diagonal)
+    if options.clipped_weight < 1:
+        factors["exposure"] = exposure_factor(small, white, options.clipped_weight)
+    assert scale > 0
+    return factors
+
+
+def border_factor(height: int, width: int, feather_px: float) -> Floats:
+    """Smooth ramp from the picture's edge inwards."""
+    x, y = np.arange(width) + 0.5, np.arange(height) + 0.5
+    return smooth_ramp(
+        np.minimum(np.minimum(x, width - x)[None], np.minimum(y, height - y)[:, None]), feather_px
+    )
+
+
+def mask_factor(mask: NDArray[np.uint8], shape: tuple[int, ...], feather_px: float) -> Floats:
+    """Ramp from the stencil's edge; 0 on the stencil itself and one pixel around it."""
+    size = (shape[1], shape[0])
+    free = cv2.resize((mask > 0).astype(np.uint8) * 255, size, interpolation=cv2.INTER_AREA) == 255
+    distance = cv2.distanceTransform(free.astype(np.uint8), cv2.DIST_L2, 5) - 1
+    return np.clip(distance / np.float32(max(feather_px, 1.0)), 0, 1).astype(np.float32)
+
+
+def exposure_factor(small: NDArray[np.uint16], white: float, clipped: float) -> Floats:
+    """`clipped` where a channel is at white, 1 below `CLIPPED`, a ramp between."""
+    brightest = small.max(axis=2).astype(np.float32) * np.float32(1 / white)
+    over = np.clip((brightest - np.float32(CLIPPED)) / np.float32(0.99 - CLIPPED), 0, 1)
+    return 1 - over * np.float32(1 - clipped)
+
+
+def silhouette_factor(depth: Floats, focal_px: float, feather_px: float) -> Floats:
+    """Smooth ramp from the next depth discontinuity or border of the mesh.
+
+    A discontinuity is a step of more than `DEPTH_JUMP_PX` pixel footprints (depth / focal).
+    """
+    finite = np.minimum(depth, np.float32(1e30))
+    kernel = np.ones((3, 3), np.uint8)
+    near, far = cv2.erode(finite, kernel), cv2.dilate(finite, kernel)
+    smooth = far - near <= near * np.float32(DEPTH_JUMP_PX / focal_px)
+    if smooth.all():
+        return np.ones(depth.shape, np.float32)
+    distance = cv2.distanceTransform(smooth.astype(np.uint8), cv2.DIST_L2, 3)
+    return smooth_ramp(distance - np.float32(1), feather_px)
+
+
+def smooth_ramp(distance: NDArray[np.floating], length: float) -> Floats:
+    """Smooth 0..1 over `length`, never under `FLOOR`."""
+    t = np.clip(distance / np.float32(max(length, 1e-3)), 0, 1).astype(np.float32)
+    return np.maximum(t * t * (3 - 2 * t), FLOOR)
