@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 
 import cv2
@@ -68,12 +69,23 @@ def photograph(mesh: trimesh.Trimesh, camera: Camera) -> np.ndarray:
 
 
 def _one_ray_each(mesh: trimesh.Trimesh, camera: Camera, xy: np.ndarray) -> np.ndarray:
-    origins, directions = camera.rays(xy)
+    k, pose = camera.intrinsics, camera.pose
+    enough = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-10)
+    ideal = cv2.undistortPoints(xy[:, None], k.K, np.array(k.dist), criteria=enough)[:, 0]
+    directions = np.concatenate([ideal, np.ones((len(xy), 1))], 1) @ pose.R
+    origins = np.broadcast_to(pose.center, directions.shape)
     caster = trimesh.ray.ray_pyembree.RayMeshIntersector(mesh)
     face, ray, point = caster.intersects_id(origins, directions, False, return_locations=True)
     gray = np.full(len(xy), 35.0)
     gray[ray] = surface_paint(point, mesh.face_normals[face])
     return gray.reshape(HEIGHT, WIDTH)
+
+
+@lru_cache
+def photographs() -> list[np.ndarray]:
+    """One photo for each camera."""
+    mesh = blocks()
+    return [photograph(mesh, camera) for camera in cameras()]
 
 
 def make_project(root: Path, registered: int = 3) -> list[Camera]:
@@ -82,8 +94,8 @@ def make_project(root: Path, registered: int = 3) -> list[Camera]:
     for folder in ("mesh", "photos", "correspondences"):
         (root / folder).mkdir(parents=True)
     mesh.export(root / "mesh" / "blocks.ply")
-    for k, camera in enumerate(views):
-        cv2.imwrite(str(root / "photos" / f"{k:04d}.png"), photograph(mesh, camera))
+    for k, photo in enumerate(photographs()):
+        cv2.imwrite(str(root / "photos" / f"{k:04d}.png"), photo)
     (root / "photos" / BROKEN).write_bytes(b"this is not a photo")
     records = [
         CameraRecord(f"{k:04d}.png", WIDTH, HEIGHT, c.intrinsics, c.pose, "registered", "import",

@@ -6,12 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.camera import Camera
-from texproj.color.points import VertexPoints
-from texproj.color.sight import sight_of
-from texproj.color.view import PhotoView, photo_view
-from texproj.color.weights import factors_at
 from texproj.errors import TexprojError
-from texproj.options import ColorOptions
 from texproj.records import CameraRecord
 from texproj.stages.bench import Workbench
 from texproj.stages.progress import Progress
@@ -66,26 +61,11 @@ def usable_camera(record: CameraRecord | None) -> Camera | None:
 
 
 def weights_of(bench: Workbench, name: str) -> Values:
-    """(V,) product of the weight factors of one photo, as the color stage computes them."""
+    """(V,) weight of each vertex in one photo, as the color stage computes it."""
+    from texproj.preview.sight import vertex_weights  # noqa: PLC0415 - slow to import
+
     camera = usable_camera(bench.project.load_cameras().get(name))
     if camera is None:
         raise TexprojError(f"{name} is not registered, so it has no weights")
-    options: ColorOptions = bench.project.settings.options("color")
-    view = photo_view(bench.project.load_photo(name, LONGEST), camera, bench.scene, options)
-    return weights_at(bench, view, options)
-
-
-def weights_at(bench: Workbench, view: PhotoView, options: ColorOptions) -> Values:
-    """(V,) product of the weight factors of a view."""
-    points = VertexPoints.of(bench.mesh)
-    candidates = points.candidates(view.camera)
-    parts = []
-    for number, size in enumerate(points.sizes):
-        seen = points.chunk(number, candidates)
-        part = np.zeros(size, np.float32)
-        if len(seen):
-            sight = sight_of(seen, view, options)
-            factors = factors_at(sight, view, options)
-            part[seen.index[sight.index]] = np.prod(list(factors.values()), axis=0)
-        parts.append(part)
-    return np.concatenate(parts)
+    photo = bench.project.load_photo(name, LONGEST)
+    return vertex_weights(bench, photo, camera)

@@ -5,6 +5,7 @@ import * as api from "./api.ts";
 import { App } from "./app.ts";
 import { byId } from "./dom.ts";
 import { connect } from "./gestures.ts";
+import * as lens from "./lens.ts";
 import { hideJob, notice, showJob } from "./notice.ts";
 
 const app = new App();
@@ -58,7 +59,7 @@ for (const tab of document.querySelectorAll<HTMLButtonElement>("#tabs button")) 
 declare global {
   interface Window {
     /** For tests and the curious. */
-    texproj: App;
+    texproj: App & { lens: typeof lens };
   }
 }
-window.texproj = app;
+window.texproj = Object.assign(app, { lens });

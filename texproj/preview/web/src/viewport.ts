@@ -246,6 +246,13 @@ export class Viewport {
     this.draw(this.sides);
   }
 
+  /** The view as it is now, as a PNG in a data: address. */
+  picture(): string {
+    this.surface.setMoving(false);
+    this.draw(this.sides);
+    return this.canvas.toDataURL("image/png");
+  }
+
   private raycaster(at: Vec2): THREE.Raycaster {
     const [w, h] = this.size;
     const { left, right, bottom, top } = this.sides;

@@ -1,0 +1,474 @@
+"""The page in a real browser: what a person sees and does, by real mouse and keyboard events."""
+
+import base64
+import importlib.util
+import os
+import shutil
+from contextlib import contextmanager
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from preview_project import BROKEN, HEIGHT, WIDTH, cameras, corner_points, make_project, running
+
+from texproj.options import RenderOptions
+from texproj.project import Project
+from texproj.records import CameraRecord
+from texproj.render import open_renderer
+
+CHECKOUT = Path(__file__).resolve().parent.parent
+GOLDEN = Path(__file__).parent / "golden"
+BROWSER = os.environ.get("TEXPROJ_BROWSER") or shutil.which("chromium") or ""
+FLAGS = [
+    *("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-first-run"),
+    *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
+]
+LENS_PHOTO = "0004.png"
+TO_SOLVE = "0003.png"
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+
+
+def builder():
+    spec = importlib.util.spec_from_file_location("hatch_build", CHECKOUT / "hatch_build.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Chromium with software WebGL, on the page as its sources are now."""
+    if not BROWSER:
+        pytest.skip("no Chromium (apt-get install chromium, or set TEXPROJ_BROWSER)")
+    build = builder()
+    if build.is_stale(CHECKOUT):
+        if not build.node_on_path():
+            pytest.skip("the page is not built and there is no Node (python hatch_build.py)")
+        build.build_page(CHECKOUT)
+    with sync_api.sync_playwright() as play:
+        found = play.chromium.launch(executable_path=BROWSER, args=FLAGS)
+        yield found
+        found.close()
+
+
+@pytest.fixture(scope="module")
+def template(tmp_path_factory):
+    """The project, with one more photo: the server's own rendering of normals through the lens."""
+    root = tmp_path_factory.mktemp("template") / "blocks"
+    make_project(root)
+    camera = cameras()[1]
+    cv2.imwrite(str(root / "photos" / LENS_PHOTO), rendered_normals(root, camera)[..., ::-1])
+    record = CameraRecord(
+        LENS_PHOTO, WIDTH, HEIGHT, camera.intrinsics, camera.pose, "registered", "import"
+    )
+    Project.open(root).save_cameras([record])
+    return root
+
+
+def rendered_normals(root, camera):
+    """(h, w, 3) uint8 world normals as colors, as the page's layer of that name shows them."""
+    mesh = Project.open(root).load_mesh().mesh
+    with open_renderer(RenderOptions()) as renderer, renderer.load(mesh) as scene:
+        found = scene.gbuffer(camera, ("depth", "normal"))
+    world = found.normal_in_cam @ camera.pose.R
+    rgb = np.where(np.isfinite(found.depth)[..., None], world * 0.5 + 0.5, 0x2B / 255)
+    return np.round(rgb * 255).astype(np.uint8)
+
+
+@pytest.fixture
+def root(template, tmp_path):
+    """A fresh copy of the project."""
+    return Path(shutil.copytree(template, tmp_path / "blocks"))
+
+
+@contextmanager
+def opened(browser, home, width=1280, height=800):
+    """A page that is loaded; fails on any console error when it closes."""
+    context = browser.new_context(viewport={"width": width, "height": height})
+    page = context.new_page()
+    problems = []
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    page.on("console", lambda m: problems.append(m.text) if m.type == "error" else None)
+    page.goto(home)
+    page.wait_for_selector("body[data-ready=true]", timeout=30_000)
+    yield page
+    context.close()
+    assert [p for p in problems if "ERR_CONNECTION" not in p and "Failed to fetch" not in p] == []
+
+
+@pytest.fixture
+def page(browser, root):
+    with running(root) as home, opened(browser, home) as found:
+        yield found
+
+
+def picture(page):
+    """(h, w, 3) uint8 RGB of the model's canvas."""
+    data = page.evaluate("texproj.viewport.picture()").split(",")[1]
+    pixels = np.frombuffer(base64.b64decode(data), np.uint8)
+    return cv2.imdecode(pixels, cv2.IMREAD_COLOR)[..., ::-1]
+
+
+def settle(page):
+    """Until nothing flies or swings any more."""
+    page.wait_for_function(
+        "() => { const n = texproj.viewport.frames; return new Promise(r => setTimeout(() =>"
+        " r(n === texproj.viewport.frames && !texproj.viewport.flying), 400)); }",
+        timeout=30_000,
+    )
+
+
+def row(page, name):
+    return page.locator(f'.photo[data-photo="{name}"]')
+
+
+# --- seeing
+
+
+def test_the_page_shows_the_model(page):
+    """No error on the console; the canvas shows the golden picture (llvm-free software WebGL).
+
+    A new golden picture: delete tests/golden/preview.png and run this test.
+    """
+    settle(page)
+    found = picture(page)
+    path = GOLDEN / "preview.png"
+    if not path.exists():
+        path.parent.mkdir(exist_ok=True)
+        cv2.imwrite(str(path), found[..., ::-1])
+        pytest.fail(f"wrote {path}: look at it, and keep it if it is right")
+    golden = cv2.imread(str(path))[..., ::-1]
+
+    assert found.shape == golden.shape
+    off = np.abs(found.astype(int) - golden).max(-1)
+    assert (off > 8).mean() < 0.005
+    assert found.std() > 20
+
+
+def test_photos_are_listed_worst_first_with_what_to_do(page):
+    """The broken one first, then what has no camera, then by expected error."""
+    names = [r.get_attribute("data-photo") for r in page.locator(".photo").all()]
+
+    assert names[:2] == [BROKEN, TO_SOLVE]
+    assert names.index("0002.png") < names.index("0001.png") < names.index("0000.png")
+    assert "cannot" in row(page, BROKEN).inner_text().lower()
+    assert "Replace the file" in row(page, BROKEN).inner_text()
+    assert "Pick 4 points" in row(page, "0002.png").inner_text()
+
+
+def enter(page, name):
+    row(page, name).click()
+    page.wait_for_selector(f'body[data-overlay="{name} 8192"]', timeout=30_000)
+    settle(page)
+
+
+def photo_and_model(page):
+    """The two pictures that a blink shows."""
+    page.evaluate("texproj.change({ opacity: 1, wipe: 1 })")
+    photo = picture(page)
+    page.evaluate("texproj.change({ opacity: 0 })")
+    return photo, picture(page)
+
+
+def tile_shifts(a, b, tile=96):
+    """Shift in pixels of each tile that holds enough structure, by phase correlation."""
+    gray = [cv2.cvtColor(i, cv2.COLOR_RGB2GRAY).astype(np.float32) for i in (a, b)]
+    window = cv2.createHanningWindow((tile, tile), cv2.CV_32F)
+    shifts = []
+    for y in range(0, gray[0].shape[0] - tile, tile):
+        for x in range(0, gray[0].shape[1] - tile, tile):
+            parts = [g[y : y + tile, x : x + tile] for g in gray]
+            if min(p.std() for p in parts) > 15:
+                shift, response = cv2.phaseCorrelate(*parts, window)
+                if response > 0.3:
+                    shifts.append(np.hypot(*shift))
+    return np.array(shifts)
+
+
+def test_the_overlay_lies_on_the_model_to_half_a_pixel(page):
+    """The server's own rendering of normals, through a strong lens and an off-center principal
+    point, covers the page's normals: every tile within 0.5 px of the photo, whole and zoomed in.
+    """
+    page.keyboard.press("4")
+    enter(page, LENS_PHOTO)
+    whole = tile_shifts(*photo_and_model(page))
+    scale = page.evaluate("texproj.viewport.window.scale / texproj.viewport.photoCamera.f[0]")
+
+    assert len(whole) >= 10
+    assert whole.max() / scale < 0.5
+    for corner in ((0.2, 0.3), (0.8, 0.75)):
+        page.evaluate("texproj.viewport.fitPhoto()")
+        page.evaluate(
+            "([x, y]) => { const [w, h] = texproj.viewport.size;"
+            " texproj.viewport.zoomPhoto(6, [x * w, y * h]); }",
+            corner,
+        )
+        settle(page)
+        zoomed = tile_shifts(*photo_and_model(page), 160)
+        assert len(zoomed) >= 2
+        assert zoomed.max() / (6 * scale) < 0.5
+
+
+def test_a_shifted_overlay_would_be_noticed(page):
+    """The measure above sees half a pixel: a camera moved by 1 px fails it."""
+    page.keyboard.press("4")
+    enter(page, LENS_PHOTO)
+    page.evaluate("texproj.viewport.photoCamera.c[0] += 1")
+    page.evaluate("texproj.viewport.overlay.setCamera(texproj.viewport.photoCamera)")
+    shifts = tile_shifts(*photo_and_model(page))
+    scale = page.evaluate("texproj.viewport.window.scale / texproj.viewport.photoCamera.f[0]")
+
+    assert np.median(shifts) / scale == pytest.approx(1, abs=0.25)
+
+
+def test_the_lens_in_the_page_is_the_lens_of_the_package(page):
+    """Pixels of surface points agree to 1e-6 px; rays through pixels are their inverse."""
+    _, xyz = corner_points(cameras()[1], 10)
+    camera = "texproj.facts.photos.find(p => p.name === '0001.png').camera"
+    page.evaluate("() => texproj.view(texproj.facts.photos.find(p => p.name === '0001.png'))")
+    settle(page)
+    seen = [
+        page.evaluate(f"p => texproj.lens.project({camera}, p)", point.tolist()) for point in xyz
+    ]
+    assert np.allclose(seen, cameras()[1].project(xyz)[0], atol=1e-6)
+    back = [page.evaluate(f"p => texproj.lens.ideal({camera}, ...p)", uv) for uv in seen]
+    k = cameras()[1].intrinsics
+    expected = k.undistort((np.array(seen) - (k.cx, k.cy)) / (k.fx, k.fy))
+    assert np.allclose(back, expected, atol=1e-9)
+
+
+def test_blink_and_escape(page):
+    """Space shows the model alone and the photo again; Escape goes back to orbiting."""
+    enter(page, "0000.png")
+    first = picture(page)
+    page.keyboard.press("Space")
+    second = picture(page)
+    page.keyboard.press("Space")
+
+    assert np.abs(first.astype(int) - second).mean() > 5
+    assert np.array_equal(picture(page), first)
+    page.keyboard.press("Escape")
+    assert page.evaluate("texproj.viewport.photoCamera") is None
+
+
+def test_layers_are_computed_and_shown(page):
+    """Coverage takes a job of the server; the legend says how many photos."""
+    page.locator('[data-layer="coverage"]').click()
+    page.wait_for_function("texproj.look.layer === 'coverage'", timeout=60_000)
+    settle(page)
+
+    assert "4 photos" in page.locator("#legend").inner_text()
+    assert picture(page).std() > 20
+
+
+# --- picking
+
+
+def pick_page(page, name=TO_SOLVE):
+    row(page, name).click()
+    row(page, name).locator("button.pick").click()
+    page.wait_for_selector(f'#photo-pane[data-sharp="{name}"]', timeout=30_000)
+    settle(page)
+
+
+def place_on(page, pane, expression, value):
+    """Client coordinates of a pixel or point in a pane."""
+    at = page.evaluate(expression, value)
+    box = page.locator(pane).bounding_box()
+    return box["x"] + at[0], box["y"] + at[1]
+
+
+def photo_place(page, uv):
+    return place_on(page, "#photo-canvas", "uv => texproj.picking.pane.toScreen(uv)", list(uv))
+
+
+def model_place(page, xyz):
+    return place_on(page, "#model-canvas", "p => texproj.viewport.toScreen(p)", list(xyz))
+
+
+def visible_pairs(page, count):
+    """True pairs whose points are seen in the model's present view."""
+    uv, xyz = corner_points(cameras()[3], 20)
+    found = []
+    for pixel, point in zip(uv, xyz, strict=True):
+        hit = page.evaluate("async p => texproj.hit(texproj.viewport.toScreen(p))", point.tolist())
+        if hit and np.linalg.norm(np.array(hit["xyz"]) - point) < 1e-3:
+            found.append((pixel, point))
+    assert len(found) >= count
+    return found[:count]
+
+
+def click_pairs(page, pairs):
+    for uv, xyz in pairs:
+        page.mouse.click(*photo_place(page, uv))
+        page.mouse.click(*model_place(page, xyz))
+        page.wait_for_function("!texproj.picking.selectedPick || texproj.picking.selectedPick.xyz")
+
+
+def saved(page):
+    page.wait_for_selector('#saved[data-state="saved"]', timeout=10_000)
+
+
+def residuals(page):
+    page.wait_for_function("texproj.picking.fit", timeout=10_000)
+    page.wait_for_timeout(500)
+    return page.evaluate("texproj.picking.fit.residual_px")
+
+
+def drag(page, start, stop):
+    page.mouse.move(*start)
+    page.mouse.down()
+    page.mouse.move(*[(a + b) / 2 for a, b in zip(start, stop, strict=True)])
+    page.mouse.move(*stop)
+    page.mouse.up()
+
+
+def test_six_pairs_by_mouse_solve_a_photo(page, root):
+    """Picked, saved, solved; a dragged point shows in red and its way back makes residuals fall;
+    all of it is there after a reload.
+    """
+    pick_page(page)
+    pairs = visible_pairs(page, 7)
+    click_pairs(page, pairs)
+    saved(page)
+    on_disk = Project.open(root).load_correspondences(TO_SOLVE)
+    assert len(on_disk) == 7
+    assert np.abs(on_disk.xy_px - [uv for uv, _ in pairs]).max() < 1.5
+
+    good = np.median(residuals(page))
+    home = photo_place(page, pairs[2][0])
+    away = (home[0] + 30, home[1] - 20)
+    drag(page, home, away)
+    bad = residuals(page)
+    assert page.locator("#photo-marks .mark.outlier").get_attribute("data-pick") == "3"
+    assert bad[2] > 20 > good
+    drag(page, away, home)
+    assert np.median(residuals(page)) < good + 0.3
+    assert page.locator("#photo-marks .mark.outlier").count() == 0
+
+    page.locator("#solve").click()
+    page.wait_for_function(
+        f"texproj.facts.photos.find(p => p.name === '{TO_SOLVE}').status === 'registered'",
+        timeout=60_000,
+    )
+    record = Project.open(root).load_cameras()[TO_SOLVE]
+    truth = np.array([xyz for _, xyz in pairs])
+    apart = record.camera.project(truth)[0] - cameras()[3].project(truth)[0]
+    assert np.hypot(*apart.T).max() < 3
+    page.reload()
+    page.wait_for_selector("body[data-ready=true]")
+    pick_page(page)
+    page.wait_for_function("texproj.picking.picks.length === 7")
+
+
+def test_undo_redo_and_delete(page, root):
+    """Each step back and forth is on disk at once."""
+    pick_page(page)
+    click_pairs(page, visible_pairs(page, 2))
+    page.keyboard.press("Delete")
+    saved(page)
+    assert len(Project.open(root).load_correspondences(TO_SOLVE)) == 1
+    page.keyboard.press("Control+z")
+    saved(page)
+    assert len(Project.open(root).load_correspondences(TO_SOLVE)) == 2
+    page.keyboard.press("Control+z")
+    page.keyboard.press("Control+y")
+    saved(page)
+    assert len(Project.open(root).load_correspondences(TO_SOLVE)) == 2
+
+
+def test_picking_by_keyboard_alone(page, root):
+    """Cursor, Enter, Tab, Enter make a pair; arrows then move its half by one pixel."""
+    pick_page(page)
+    page.locator("#photo-pane").focus()
+    page.keyboard.press("Enter")
+    page.keyboard.press("Enter")
+    page.keyboard.press("Tab")
+    page.keyboard.press("Enter")
+    page.wait_for_function("texproj.picking.picks[0]?.xyz")
+    saved(page)
+    first = Project.open(root).load_correspondences(TO_SOLVE)
+    page.keyboard.press("Tab")
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("Shift+ArrowDown")
+    saved(page)
+    second = Project.open(root).load_correspondences(TO_SOLVE)
+
+    assert np.allclose(second.xy_px - first.xy_px, [[1, 10]])
+
+
+def test_a_click_is_answered_with_a_prediction(page):
+    """With a camera, the other side's place is proposed near the truth; Enter takes it."""
+    pick_page(page, "0000.png")
+    uv, _ = corner_points(cameras()[0], 1)
+    page.mouse.click(*photo_place(page, uv[0]))
+    page.wait_for_function("texproj.picking.guess")
+    page.keyboard.press("Enter")
+    found = page.evaluate("texproj.picking.picks[0].xyz")
+
+    seen = cameras()[0].project([found])[0][0]
+    assert np.hypot(*(seen - uv[0])) < 4
+
+
+def test_two_pages_keep_each_other_s_picks(browser, root):
+    """Picks made in two tabs end up in one file and on both screens."""
+    with running(root) as home, opened(browser, home) as one, opened(browser, home) as two:
+        for page in (one, two):
+            pick_page(page)
+        pairs = visible_pairs(one, 4)
+        click_pairs(one, pairs[:2])
+        click_pairs(two, pairs[2:])
+        for page in (one, two):
+            page.wait_for_function("texproj.picking.picks.filter(p => p.uv && p.xyz).length === 4")
+        assert len(Project.open(root).load_correspondences(TO_SOLVE)) == 4
+
+
+def test_an_edit_of_the_file_shows_up(page, root):
+    """Whoever writes the CSV, the screen follows."""
+    pick_page(page)
+    path = root / "correspondences" / "0003.csv"
+    path.write_text("u,v,x,y,z,name\n100.5,90.25,0,0,0.1,by hand\n")
+    page.wait_for_function("texproj.picking.picks[0]?.name === 'by hand'")
+
+    assert "by hand" in page.locator(".pairs").inner_text()
+
+
+def test_a_dead_server_is_announced_and_work_survives(browser, root):
+    """The page says so, keeps what is picked meanwhile, and saves it when the server is back."""
+    server = running(root)
+    home = server.__enter__()
+    with opened(browser, home) as page:
+        pick_page(page)
+        uv, xyz = visible_pairs(page, 1)[0]
+        page.mouse.click(*photo_place(page, uv))
+        server.__exit__(None, None, None)
+        page.wait_for_selector("body[data-online=false]", timeout=30_000)
+        assert "does not answer" in page.locator("#notice").inner_text()
+        hit = {"xyz": xyz.tolist(), "normal": [0, 0, 1]}
+        page.evaluate("hit => texproj.picking.place('model', null, hit)", hit)
+        page.wait_for_selector('#saved[data-state="unsaved"]')
+        with running(root, port=int(home.rsplit(":", 1)[1])):
+            page.wait_for_selector("body[data-online=true]", timeout=30_000)
+            saved(page)
+            assert page.locator("#notice").is_hidden()
+            assert len(Project.open(root).load_correspondences(TO_SOLVE)) == 1
+
+
+def test_a_phone_shows_everything(browser, root):
+    """At 390 x 760 nothing is wider than the screen, and the list is one tap away."""
+    with running(root) as home, opened(browser, home, 390, 760) as page:
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
+        page.get_by_role("button", name="Photos", exact=True).click()
+        assert row(page, "0000.png").is_visible()
+
+
+def test_the_bundle_is_small():
+    """At most 1 MB compressed, all of it."""
+    import gzip
+
+    folder = CHECKOUT / "texproj" / "preview" / "static" / "bundle"
+    if not folder.is_dir():
+        pytest.skip("the page is not built")
+    assert sum(len(gzip.compress(p.read_bytes())) for p in folder.iterdir()) < 1_000_000
