@@ -289,6 +289,25 @@ def test_a_truncated_file_is_refused(tmp_path, suffix, kept):
         read_mesh(path)
 
 
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".stl", ".off", ".glb"])
+def test_spoiled_files_are_read_or_refused_but_never_crash(tmp_path, suffix):
+    """Bytes replaced, removed and inserted at random, mostly in the header."""
+    data = trimesh.creation.icosphere(1).export(file_type=suffix[1:])
+    data = data.encode() if isinstance(data, str) else data
+    rng = np.random.default_rng(len(suffix))
+    path = tmp_path / f"m{suffix}"
+    for _ in range(3 if suffix == ".ply" else 40):
+        spoiled = bytearray(data)
+        for _ in range(3):
+            at = int(rng.integers(400 if rng.random() < 0.6 else len(data)))
+            spoiled[at : at + int(rng.integers(9))] = rng.bytes(int(rng.integers(9)))
+        path.write_bytes(spoiled)
+        try:
+            repair(*read_mesh(path))
+        except InputError as error:
+            assert "\n" not in str(error)
+
+
 @pytest.mark.parametrize("name", ["KHR_draco_mesh_compression", "EXT_meshopt_compression"])
 def test_a_compressed_glb_is_named_as_such(tmp_path, name):
     (tmp_path / "c.glb").write_bytes(glb_without_geometry(extensionsRequired=[name]))

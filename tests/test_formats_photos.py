@@ -344,6 +344,27 @@ def test_a_multi_picture_file_of_a_phone_is_its_first_picture(tmp_path):
     assert np.abs(read(tmp_path / "a.jpg").pixels.astype(int) - pattern()).mean() < 3
 
 
+@pytest.mark.parametrize("name", ["p.jpg", "c.jpg", "p.png", "p.tif"])
+def test_spoiled_files_are_read_or_refused_but_never_crash(tmp_path, name, capfd):
+    """Bytes replaced, removed and inserted at random, mostly in the header."""
+    exif = Image.Exif()
+    exif[271], exif[274] = "maker", 6
+    image = Image.fromarray(pattern()).convert("CMYK" if name[0] == "c" else "RGB")
+    save(tmp_path / name, image, exif=exif, icc_profile=imagecodecs.cms_profile("adobergb"))
+    data = (tmp_path / name).read_bytes()
+    rng = np.random.default_rng(ord(name[-1]))
+    for _ in range(60):
+        spoiled = bytearray(data)
+        for _ in range(3):
+            at = int(rng.integers(400 if rng.random() < 0.6 else len(data)))
+            spoiled[at : at + int(rng.integers(9))] = rng.bytes(int(rng.integers(9)))
+        (tmp_path / name).write_bytes(spoiled)
+        try:
+            read(tmp_path / name)
+        except InputError as error:
+            assert "\n" not in str(error)
+
+
 FOREIGN = {
     "zero.jpg": (b"", "is empty"),
     "zeros.jpg": (bytes(4096), "is empty"),

@@ -88,6 +88,12 @@ def test_collinear_points_off_the_grid_are_degenerate_and_slivers_are_not():
     assert len(source.mesh.faces) == 3
 
 
+def test_coordinates_beyond_all_measure_are_no_triangle():
+    vertices = np.vstack([SQUARE, [[0, 0, 1e200]], [[0, 1e300, 0]]])
+    source = repair(vertices, [*SQUARE_FACES, [0, 1, 4], [0, 4, 5]])
+    assert source.repairs == {"degenerate faces": 2, "unreferenced vertices": 2}
+
+
 @pytest.mark.parametrize("again", [[0, 1, 2], [1, 2, 0], [2, 1, 0], [0, 2, 1]])
 def test_a_duplicate_face_is_dropped_whichever_way_it_turns_and_the_first_stays(again):
     source = repair(SQUARE, [*SQUARE_FACES, again])

@@ -98,9 +98,11 @@ def _valid_faces(
 def _has_area(vertices: NDArray[np.float64], faces: Index) -> Bools:
     """(F,) whether each triangle is higher than the rounding of its own coordinates."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
-    base2 = np.maximum(_norm2(b - a), np.maximum(_norm2(c - b), _norm2(a - c)))
     largest = np.maximum(np.maximum(np.abs(a), np.abs(b)), np.abs(c)).max(axis=1)
-    return np.asarray(_norm2(face_cross(vertices, faces)) > base2 * (ROUNDING * largest) ** 2)
+    with np.errstate(over="ignore", invalid="ignore"):  # coordinates of 1e200 are no triangle
+        base2 = np.maximum(_norm2(b - a), np.maximum(_norm2(c - b), _norm2(a - c)))
+        height2 = (ROUNDING * largest) ** 2
+        return np.asarray(_norm2(face_cross(vertices, faces)) > base2 * height2)
 
 
 def _norm2(vectors: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import io
 import re
+import struct
+import subprocess
+import sys
+import tempfile
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -78,6 +82,7 @@ def _parsed(path: Path, kind: str, data: bytes) -> tuple[Vertices, Faces]:
 _PARSER_ERRORS = (
     ValueError, KeyError, IndexError, TypeError, AttributeError, ArithmeticError, MemoryError,
     NotImplementedError, OSError, ImportError, RuntimeError, EOFError, DeprecationWarning,
+    AssertionError, NameError, struct.error,
 )  # fmt: skip
 """What parsers of other hands raise on broken input."""
 
@@ -95,7 +100,8 @@ def _by_trimesh(path: Path, kind: str, data: bytes) -> tuple[Vertices, Faces]:
             raise InputError(f"{path}: compressed by {name.decode()}; export it uncompressed")
     if kind == ".gltf":
         options["resolver"] = trimesh.resolvers.FilePathResolver(str(path))
-    vertices, faces = _merged(trimesh.load_scene(io.BytesIO(data), **options))
+    with np.errstate(invalid="ignore"):  # NaNs are left to the repair
+        vertices, faces = _merged(trimesh.load_scene(io.BytesIO(data), **options))
     if kind == ".off" and (counts := _OFF_COUNTS.search(data)) and len(faces) < int(counts[1]):
         raise ValueError(f"{len(faces)} of {int(counts[1])} faces: the file was cut off")
     return vertices, faces
@@ -123,16 +129,25 @@ def _merged(scene: Any) -> tuple[Vertices, Faces]:
     return np.concatenate(vertices), _int32(np.concatenate(faces))
 
 
-def _by_pymeshlab(path: Path) -> tuple[Vertices, Faces]:
-    import pymeshlab  # noqa: PLC0415 - needs GL libraries that may be missing
+_PYMESHLAB = """
+import sys, numpy, pymeshlab
+meshes = pymeshlab.MeshSet()
+meshes.load_new_mesh(sys.argv[1])
+mesh = meshes.current_mesh()
+numpy.savez(sys.argv[2], vertices=mesh.vertex_matrix(), faces=mesh.face_matrix())
+"""
 
-    meshes = pymeshlab.MeshSet()
-    try:
-        meshes.load_new_mesh(str(path))
-    except pymeshlab.PyMeshLabException as error:
-        raise ValueError(str(error)) from None
-    mesh = meshes.current_mesh()
-    return mesh.vertex_matrix(), _int32(mesh.face_matrix())
+
+def _by_pymeshlab(path: Path) -> tuple[Vertices, Faces]:
+    """In a process of its own: on broken files its reader can end the process it runs in."""
+    with tempfile.TemporaryDirectory() as folder:
+        result = Path(folder, "mesh.npz")
+        command = [sys.executable, "-c", _PYMESHLAB, str(path), str(result)]
+        done = subprocess.run(command, capture_output=True, check=False)
+        if done.returncode:
+            raise ValueError("MeshLab cannot read it either")
+        with np.load(result) as arrays:
+            return arrays["vertices"], _int32(arrays["faces"])
 
 
 def _int32(indices: NDArray[Any]) -> Faces:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import io
+import logging
+import struct
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.errors import InputError
-from texproj.formats.photos.header import Header
+from texproj.formats.photos.header import Header, quiet
 from texproj.formats.photos.icc import Values
 
 START_OF_SCAN, END_OF_IMAGE = 0xDA, b"\xff\xd9"
@@ -45,7 +48,7 @@ def decode(path: Path, data: bytes, header: Header, longest: int | None) -> Rast
 
 _DECODER_ERRORS = (
     OSError, ValueError, RuntimeError, SyntaxError, KeyError, IndexError, TypeError, EOFError,
-    cv2.error,
+    AttributeError, MemoryError, ArithmeticError, struct.error, zlib.error, cv2.error,
 )  # fmt: skip
 """What decoders of other hands raise on damaged files."""
 
@@ -90,7 +93,8 @@ def reduction(header: Header, longest: int | None) -> int:
 def _cmyk_jpeg(data: bytes) -> Raster:
     from PIL import Image  # noqa: PLC0415
 
-    return Raster(np.array(Image.open(io.BytesIO(data))))
+    with quiet():
+        return Raster(np.array(Image.open(io.BytesIO(data))))
 
 
 def _png(data: bytes, header: Header, longest: int | None) -> Raster:
@@ -106,7 +110,12 @@ def _png(data: bytes, header: Header, longest: int | None) -> Raster:
 def _tiff(data: bytes, header: Header, longest: int | None) -> Raster:
     import tifffile  # noqa: PLC0415
 
-    with tifffile.TiffFile(io.BytesIO(data)) as tiff:
+    logging.getLogger("tifffile").addHandler(logging.NullHandler())  # else it prints
+    try:
+        tiff = tifffile.TiffFile(io.BytesIO(data))
+    except tifffile.TiffFileError as error:
+        raise ValueError(str(error)) from None
+    with tiff:
         page = tiff.pages.first
         pixels = page.asarray()
         axes = page.axes.replace("Z", "")

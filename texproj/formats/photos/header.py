@@ -99,7 +99,7 @@ def _pillow_header(path: Path, file: io.BufferedIOBase) -> Header:
 
     Image.MAX_IMAGE_PIXELS = None  # photos of 200 megapixels are no attack
     try:
-        with _quiet():
+        with quiet():
             image = Image.open(file)
     except (OSError, ValueError, SyntaxError) as error:
         raise InputError(f"{path}: {_broken(file, error)}") from None
@@ -158,7 +158,7 @@ def _header(
 
 def _exif(load: Callable[[], tuple[Tags, Tags]]) -> tuple[Tags, Tags]:
     """Main and photo directory; what is broken in them is left out: they are a nicety only."""
-    with _quiet():
+    with quiet():
         try:
             return load()
         except (OSError, ValueError, SyntaxError, KeyError, TypeError, struct.error):
@@ -166,7 +166,7 @@ def _exif(load: Callable[[], tuple[Tags, Tags]]) -> tuple[Tags, Tags]:
 
 
 @contextlib.contextmanager
-def _quiet() -> Iterator[None]:
+def quiet() -> Iterator[None]:
     """No warnings of Pillow's about odd tags: nobody can do anything about them."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", module=r"PIL\.")
