@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.color.charts import Charts, border_edges, extents
-from texproj.color.segmentation import Floats, Ints
+from texproj.color.segmentation import Floats, Ints, sum_by_label
 
 MOST_ROWS = 8192  # per chart
 SHORTEST = 1e-3  # of a row's height: shorter overlaps are rounding
@@ -20,9 +20,19 @@ def doubled(charts: Charts, row_height: Floats) -> tuple[NDArray[np.bool_], Floa
     """(n,) faces on the border of what is covered twice; (count,) area covered twice, exactly 0
     for charts that do not cover themselves.
 
-    row_height: (count,) distance of the rows walked along, in the units of uv.
+    row_height: (count,) distance of the rows walked along, in the units of uv. Walks along x
+    and along y: what is thinner than a row one way is long the other way.
     """
     edges = border_edges(charts)
+    along_x, area_x = _doubled_in_rows(charts, edges, row_height)
+    turned = charts.with_uv(charts.uv[:, ::-1] * [1, -1])
+    along_y, area_y = _doubled_in_rows(turned, edges, row_height)
+    return along_x | along_y, np.maximum(area_x, area_y)
+
+
+def _doubled_in_rows(
+    charts: Charts, edges: Ints, row_height: Floats
+) -> tuple[NDArray[np.bool_], Floats]:
     edge, row, x, sign = _crossings(charts, edges, row_height)
     chart = charts.chart_of_uv[edges[edge, 0]]
     order = np.lexsort((x, row, chart))
@@ -33,7 +43,8 @@ def doubled(charts: Charts, row_height: Floats) -> tuple[NDArray[np.bool_], Floa
     touched = np.zeros(len(charts.uv), bool)
     touched[edges[edge[twice]]] = True
     touched[edges[edge[twice + 1]]] = True
-    area = np.bincount(chart[twice], (length * row_height[chart])[twice], charts.count)
+    covered = (length * row_height[chart])[twice, None]
+    area = sum_by_label(covered, chart[twice], charts.count)[:, 0]
     return touched[charts.faces].sum(axis=1) > 1, area
 
 
