@@ -1,6 +1,6 @@
 """Write the reference of commands and settings into README.md from the program itself.
 
-    python tests/make_reference.py
+python tests/make_reference.py
 """
 
 import re

@@ -64,6 +64,7 @@ def test_touching_one_photo_redoes_that_photo(project_folder, capsys):
     only_points(project_folder)
     run("register", project_folder)
     masked = Project.open(project_folder).photo_names[0]
+    (project_folder / "masks").mkdir(exist_ok=True)
     shutil.copy(
         project_folder / "truth" / "masks" / f"{Path(masked).stem}.png", project_folder / "masks"
     )

@@ -65,7 +65,12 @@ def _renderers() -> list[Finding]:
 
 def _packages() -> list[Finding]:
     findings = []
-    for requirement in requires("texproj") or []:
+    try:
+        needed = requires("texproj") or []
+    except PackageNotFoundError:
+        remedy = "pip install . (in the checkout)"
+        return [Finding("texproj", False, "runs from a checkout, not installed", remedy)]
+    for requirement in needed:
         if "extra ==" in requirement:
             continue
         found = match(r"[A-Za-z0-9_.-]+", requirement)

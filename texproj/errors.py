@@ -17,7 +17,14 @@ class InputError(TexprojError):
 
 
 class RegistrationError(TexprojError):
-    """A photo whose camera could not be found; the text says what to give so that it can be."""
+    """A photo whose camera could not be found; the text says what to give so that it can be.
+
+    approximate: a camera that is not certain enough to keep but good enough to start from.
+    """
+
+    def __init__(self, message: str, approximate: object = None) -> None:
+        super().__init__(message)
+        self.approximate = approximate
 
 
 class RenderError(TexprojError):

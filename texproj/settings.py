@@ -11,6 +11,7 @@ from texproj.errors import InputError, UsageError, nearest_name
 from texproj.options import (
     ColorOptions,
     PointsOptions,
+    PreviewOptions,
     RefineOptions,
     RegisterOptions,
     RenderOptions,
@@ -27,6 +28,7 @@ SECTIONS: dict[str, type] = {
     "refine": RefineOptions,
     "color": ColorOptions,
     "unwrap": UnwrapOptions,
+    "preview": PreviewOptions,
 }
 """Tables of project.toml and the options that each holds."""
 

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     RefineFlags: TypeAlias = Any
     RunFlags: TypeAlias = Any
     RenderFlags: TypeAlias = Any
+    PreviewFlags: TypeAlias = Any
 else:  # classes made from the options when the program starts
     RegisterFlags = flags_for(("register", "render"), ("points", "structure"))
     RefineFlags = flags_for(("refine", "render"))
@@ -41,6 +42,7 @@ else:  # classes made from the options when the program starts
         ("render",), ("register", "points", "structure", "refine", "color", "unwrap")
     )
     RenderFlags = flags_for(("render",))
+    PreviewFlags = flags_for(("preview",))
 
 
 @app.command
@@ -288,6 +290,19 @@ def report(
     else:
         for path in outcome.files:
             talk.say(f"wrote {path}")
+    return DONE
+
+
+@app.command
+def preview(folder: Folder, /, *, flags: PreviewFlags = None, verbose: Verbose = False) -> int:
+    """Open the project on a web page of this machine: judge the result, pick points.
+
+    Example: texproj preview statue --port 8765
+    """
+    from texproj.preview.server import serve  # noqa: PLC0415
+
+    project = _open(folder, flags, verbose)
+    serve(project.root, project.settings.options("preview"))
     return DONE
 
 

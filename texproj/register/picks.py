@@ -121,7 +121,8 @@ def refuse_uncertain(info: PhotoInfo, estimate: Estimate, error: float, limit: f
     if not error <= limit:
         raise RegistrationError(
             f"{info.name}: the picks leave the surface uncertain by {error:.0f} px (at most "
-            f"{limit:.0f} px); add picks {emptiest(info, estimate)}"
+            f"{limit:.0f} px); add picks {emptiest(info, estimate)}",
+            approximate=estimate.camera,
         )
 
 

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from texproj.camera import Intrinsics
+from texproj.camera import Camera, Intrinsics
 from texproj.errors import InputError, RegistrationError, TexprojError
 from texproj.files import json_hash
 from texproj.formats.cameras import entry_of_record, record_of_entry
 from texproj.project import Project
-from texproj.records import CameraRecord, Fit, Method
-from texproj.register.points import register_points
-from texproj.register.structure import register_structure
+from texproj.records import CameraRecord, Fit
 from texproj.stages.bench import Workbench
 from texproj.stages.freshness import (
     Freshness,
@@ -24,15 +22,16 @@ from texproj.stages.freshness import (
     file_inputs,
     options_inputs,
 )
+from texproj.stages.methods import find_camera, needs_neighbors
 from texproj.stages.progress import Progress, silent
 
 STAGE = "register"
 VERSION = 1
+SECTIONS = ("register", "points", "structure", "render")
 START_KEY = "start"
 """Key of a cameras.json entry under which the camera is kept that registration started from."""
-
-REGISTRATION_LONGEST = 1024
-"""Longer side, pixels, to which photos are reduced for matching: about a quarter of a photo."""
+NEIGHBORS = 4
+"""From how many other cameras a photo without a start of its own is tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,21 +59,21 @@ def register_photos(
     project = bench.project
     entries = project.load_cameras()
     chosen = list(names) if names is not None else project.photo_names
-    outcomes = []
-    for done, name in enumerate(chosen):
+    lonely = [n for n in chosen if needs_neighbors(project, n, start_of(entries.get(n)))]
+    outcomes = {}
+    for done, name in enumerate([n for n in chosen if n not in lonely] + lonely):
         progress(STAGE, done, len(chosen), name)
-        outcome = _register_one(bench, name, entries)
-        entries[name] = outcome.record
-        outcomes.append(outcome)
+        outcomes[name] = _register_one(bench, name, entries)
+        entries[name] = outcomes[name].record
     progress(STAGE, len(chosen), len(chosen), "")
     project.save_hashes()
-    return outcomes
+    return [outcomes[name] for name in chosen]
 
 
 def registration_freshness(project: Project) -> list[Freshness]:
     """For each photo, whether its registration is up to date."""
     entries = project.load_cameras()
-    return [_freshness(project, name, entries.get(name)) for name in project.photo_names]
+    return [_freshness(project, name, entries) for name in project.photo_names]
 
 
 def start_of(entry: CameraRecord | None) -> CameraRecord | None:
@@ -87,29 +86,38 @@ def start_of(entry: CameraRecord | None) -> CameraRecord | None:
     return record_of_entry({"file": entry.file, **start}, f"{entry.file}: {START_KEY}")
 
 
-def _register_one(bench: Workbench, name: str, entries: dict[str, CameraRecord]) -> PhotoOutcome:
+def _register_one(bench: Workbench, name: str, entries: Mapping[str, CameraRecord]) -> PhotoOutcome:
     project = bench.project
     entry = entries.get(name)
-    state = _freshness(project, name, entry)
+    state = _freshness(project, name, entries)
     if entry is not None and state.fresh:
         return PhotoOutcome(name, entry, True, entry.quality.get("reason", "") or state.reason)
     start = start_of(entry)
-    record = _attempt(bench, name, start)
+    record = _attempt(bench, name, start, list(_neighbors(name, entries).values())[:NEIGHBORS])
     project.save_cameras([record])
-    inputs = _inputs(project, name, start)
+    inputs = _inputs(project, name, entries)
     result = json_hash(entry_of_record(record))
     project.save_record(STAGE, name, {"inputs": inputs, "result": result})
     return PhotoOutcome(name, record, False, record.quality.get("reason", ""))
 
 
-def _freshness(project: Project, name: str, entry: CameraRecord | None) -> Freshness:
+def _freshness(project: Project, name: str, entries: Mapping[str, CameraRecord]) -> Freshness:
+    entry = entries.get(name)
     if entry is None:
         return Freshness(STAGE, name, False, "not registered yet")
     if _is_external(project, entry):
         return Freshness(STAGE, name, True, "registered elsewhere, kept as it is")
     record = project.load_record(STAGE, name)
-    reason = changed_inputs(record, _inputs(project, name, start_of(entry)))
+    reason = changed_inputs(record, _inputs(project, name, entries))
     return Freshness(STAGE, name, not reason, reason)
+
+
+def _neighbors(name: str, entries: Mapping[str, CameraRecord]) -> dict[str, Camera]:
+    """Registered cameras of other photos, those next in the order of names first."""
+    order = sorted({name, *entries})
+    others = sorted(entries, key=lambda n: abs(order.index(n) - order.index(name)))
+    found = {n: entries[n].registered_camera for n in others if n != name}
+    return {n: c for n, c in list(found.items()) if c is not None}
 
 
 def _is_external(project: Project, entry: CameraRecord) -> bool:
@@ -118,88 +126,36 @@ def _is_external(project: Project, entry: CameraRecord) -> bool:
     return asked == "auto" and entry.status == "registered" and START_KEY not in entry.extra
 
 
-def _inputs(project: Project, name: str, start: CameraRecord | None) -> Inputs:
+def _inputs(project: Project, name: str, entries: Mapping[str, CameraRecord]) -> Inputs:
+    start = start_of(entries.get(name))
     files = {
         "mesh": project.mesh_path,
         "photo": project.photo_path(name),
         "mask": project.mask_path(name),
         "correspondences": project.correspondences_path(name),
     }
-    sections = ("register", "points", "structure", "render")
-    start_hash = json_hash(entry_of_record(start)) if start else "none"
-    return {
-        **options_inputs(project, VERSION, *sections),
+    inputs = {
+        **options_inputs(project, VERSION, *SECTIONS),
         **file_inputs(project, **files),
-        "start camera": start_hash,
+        "start camera": json_hash(entry_of_record(start)) if start else "none",
     }
+    if needs_neighbors(project, name, start):
+        near = list(_neighbors(name, entries))[:NEIGHBORS]
+        inputs["neighboring cameras"] = json_hash(near)
+    return inputs
 
 
-def _attempt(bench: Workbench, name: str, start: CameraRecord | None) -> CameraRecord:
+def _attempt(
+    bench: Workbench, name: str, start: CameraRecord | None, neighbors: Sequence[Camera]
+) -> CameraRecord:
     """Try what the settings ask for; the failure of a photo becomes its entry."""
     try:
-        fit = _fit(bench, name, start)
+        fit = find_camera(bench, name, start, neighbors)
     except (RegistrationError, InputError) as error:
         return _failed_record(bench.project, name, start, str(error).removeprefix(f"{name}: "))
     if not fit.accepted:
         return _failed_record(bench.project, name, start, fit.reason, fit)
     return _record_of_fit(name, start, fit)
-
-
-def _fit(bench: Workbench, name: str, start: CameraRecord | None) -> Fit:
-    asked = bench.project.settings.options("register").method
-    if asked != "auto":
-        return METHODS[asked](bench, name, start)
-    refusals = []
-    for method in _promising(bench.project, name, start):
-        try:
-            fit = METHODS[method](bench, name, start)
-        except RegistrationError as error:
-            refusals.append(str(error))
-            continue
-        if fit.accepted:
-            return fit
-        refusals.append(fit.reason)
-    raise RegistrationError("; ".join(refusals) or NOTHING_TO_START_FROM)
-
-
-NOTHING_TO_START_FROM = (
-    "nothing to start from: pick at least 4 points, or give an approximate camera in cameras.json"
-)
-
-
-def _promising(project: Project, name: str, start: CameraRecord | None) -> Iterable[Method]:
-    """The methods that the project has the means for, the surest first."""
-    if project.correspondences_path(name).is_file():
-        yield "points"
-    if start is not None and start.camera is not None:
-        yield "structure"
-
-
-def _by_points(bench: Workbench, name: str, start: CameraRecord | None) -> Fit:
-    project = bench.project
-    picks = project.load_correspondences(name)
-    if picks is None:
-        path = project.correspondences_path(name)
-        raise RegistrationError(f"no picks at {path}; pick at least 4 points")
-    prior = start.intrinsics if start else None
-    pose = start.pose if start else None
-    options = project.settings.options("points")
-    info = project.photo_info(name)
-    return register_points(info, picks, prior, options, pose, bench.surface_sample)
-
-
-def _by_structure(bench: Workbench, name: str, start: CameraRecord | None) -> Fit:
-    if start is None or start.camera is None:
-        raise RegistrationError(NOTHING_TO_START_FROM)
-    photo = bench.project.load_photo(name, REGISTRATION_LONGEST)
-    options = bench.project.settings.options("structure")
-    return register_structure(photo, start.camera, bench.render, options)
-
-
-METHODS: dict[str, Callable[[Workbench, str, CameraRecord | None], Fit]] = {
-    "points": _by_points,
-    "structure": _by_structure,
-}
 
 
 def _record_of_fit(name: str, start: CameraRecord | None, fit: Fit) -> CameraRecord:

@@ -1,0 +1,124 @@
+"""Which method finds a photo's camera: the one that was asked for, or, in turn, all that the
+project has the means for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+from texproj.camera import Camera, Intrinsics
+from texproj.errors import RegistrationError
+from texproj.project import Project
+from texproj.records import CameraRecord, Fit
+from texproj.register.points import register_points
+from texproj.register.structure import register_structure
+from texproj.stages.bench import Workbench
+
+REGISTRATION_LONGEST = 1024
+"""Longer side, pixels, to which photos are reduced for matching."""
+
+NOTHING_TO_START_FROM = (
+    "nothing to start from: pick at least 4 points, or give an approximate camera in cameras.json"
+)
+
+
+def find_camera(
+    bench: Workbench, name: str, start: CameraRecord | None, neighbors: Sequence[Camera]
+) -> Fit:
+    """The camera of photo `name`; an unaccepted fit or RegistrationError says why there is none.
+
+    start: what is known beforehand; neighbors: cameras of other photos, tried where nothing is.
+    """
+    asked = bench.project.settings.options("register").method
+    if asked != "auto":
+        return METHODS[asked](bench, name, start)
+    return _by_all_means(bench, name, start, neighbors)
+
+
+def needs_neighbors(project: Project, name: str, start: CameraRecord | None) -> bool:
+    """Whether a photo has neither picks nor a pose to start from."""
+    posed = start is not None and start.pose is not None
+    return not posed and not project.correspondences_path(name).is_file()
+
+
+def _by_all_means(
+    bench: Workbench, name: str, start: CameraRecord | None, neighbors: Sequence[Camera]
+) -> Fit:
+    """Picks first, they are the surest; then structure, from wherever there is a start."""
+    refusals: list[str] = []
+    starts: list[Camera] = []
+    if bench.project.correspondences_path(name).is_file():
+        fit = _tried(lambda: _by_points(bench, name, start), refusals, starts)
+        if fit is not None:
+            return fit
+    if start is not None and start.camera is not None:
+        starts.append(start.camera)
+    if needs_neighbors(bench.project, name, start):
+        starts += [_in_place_of(bench.project, name, start, camera) for camera in neighbors]
+    for camera in starts:
+        fit = _tried(partial(_from_camera, bench, name, camera), refusals, [])
+        if fit is not None:
+            return fit
+    raise RegistrationError("; ".join(dict.fromkeys(refusals)) or NOTHING_TO_START_FROM)
+
+
+def _tried(attempt: Callable[[], Fit], refusals: list[str], starts: list[Camera]) -> Fit | None:
+    """The fit if it is accepted; else its reason goes to `refusals`, its camera to `starts`."""
+    try:
+        fit = attempt()
+    except RegistrationError as error:
+        refusals.append(str(error))
+        starts += [error.approximate] if isinstance(error.approximate, Camera) else []
+        return None
+    if not fit.accepted:
+        refusals.append(fit.reason)
+        return None
+    return fit
+
+
+def _in_place_of(
+    project: Project, name: str, start: CameraRecord | None, neighbor: Camera
+) -> Camera:
+    """A camera for photo `name` where another photo was taken from."""
+    if start is not None and start.intrinsics is not None:
+        return Camera(start.intrinsics, neighbor.pose)
+    info = project.photo_info(name)
+    if (info.width, info.height) == (neighbor.width, neighbor.height):
+        return neighbor
+    k = neighbor.intrinsics
+    focal = info.focal_px or k.fx * max(info.width, info.height) / max(k.width, k.height)
+    middle = (info.width / 2, info.height / 2)
+    return Camera(Intrinsics(info.width, info.height, focal, focal, *middle), neighbor.pose)
+
+
+def _by_points(bench: Workbench, name: str, start: CameraRecord | None) -> Fit:
+    project = bench.project
+    picks = project.load_correspondences(name)
+    if picks is None:
+        path = project.correspondences_path(name)
+        raise RegistrationError(f"no picks at {path}; pick at least 4 points")
+    prior = start.intrinsics if start else None
+    pose = start.pose if start else None
+    options = project.settings.options("points")
+    info = project.photo_info(name)
+    return register_points(info, picks, prior, options, pose, bench.surface_sample)
+
+
+def _by_structure(bench: Workbench, name: str, start: CameraRecord | None) -> Fit:
+    if start is None or start.camera is None:
+        raise RegistrationError(NOTHING_TO_START_FROM)
+    return _from_camera(bench, name, start.camera)
+
+
+def _from_camera(bench: Workbench, name: str, start: Camera) -> Fit:
+    photo = bench.project.load_photo(name, REGISTRATION_LONGEST)
+    options = bench.project.settings.options("structure")
+    return register_structure(photo, start, bench.render, options)
+
+
+METHODS: dict[str, Callable[[Workbench, str, CameraRecord | None], Fit]] = {
+    "points": _by_points,
+    "structure": _by_structure,
+}
+"""What `--method NAME` does, from what is known beforehand."""
