@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 import re
 import struct
 import subprocess
@@ -90,11 +91,14 @@ _PARSER_ERRORS = (
 def _by_trimesh(path: Path, kind: str, data: bytes) -> tuple[Vertices, Faces]:
     import trimesh  # noqa: PLC0415 - half a second, only where a mesh is read
 
+    logging.getLogger("trimesh").addHandler(logging.NullHandler())  # else it prints tracebacks
     options: dict[str, Any] = {"process": False, "file_type": kind[1:]}
     if kind == ".ply":  # else vertices are split and renumbered where texture seams run
         options |= {"fix_texture": False, "skip_materials": True}
-    if kind == ".off" or (kind == ".stl" and not _is_binary_stl(data)):
-        data = data.decode("latin-1").encode()  # names and comments of any encoding
+    if kind == ".stl":
+        data = _stl(data)
+    if kind == ".off":
+        data = data.decode("latin-1").encode()  # comments of any encoding
     for name in _COMPRESSIONS:
         if kind in (".glb", ".gltf") and name in data:
             raise InputError(f"{path}: compressed by {name.decode()}; export it uncompressed")
@@ -107,8 +111,10 @@ def _by_trimesh(path: Path, kind: str, data: bytes) -> tuple[Vertices, Faces]:
     return vertices, faces
 
 
-def _is_binary_stl(data: bytes) -> bool:
-    return len(data) == 84 + 50 * int.from_bytes(data[80:84], "little")
+def _stl(data: bytes) -> bytes:
+    """Binary STL without what some programs append, ASCII STL with names of any encoding."""
+    size = 84 + 50 * int.from_bytes(data[80:84], "little")  # in a text this is astronomical
+    return data[:size] if 84 < size <= len(data) else data.decode("latin-1").encode()
 
 
 def _merged(scene: Any) -> tuple[Vertices, Faces]:
