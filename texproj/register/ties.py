@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.camera import Camera
-from texproj.render.gbuffer import GBuffer
+from texproj.camera import Camera, Intrinsics
+from texproj.render import GBuffer, ideal_grid
 from texproj.solve.joint import Ties
 from texproj.solve.matching import match_patches
 from texproj.solve.orientation import DARK, PRE_BLUR_PX, Field, Gray
@@ -41,6 +42,23 @@ class PhotoView:
     images: GBuffer
     valid: NDArray[np.bool_]
 
+    @cached_property
+    def gradients(self) -> Field:
+        return gradient_field(self.gray)
+
+    @cached_property
+    def corners(self) -> Gray:
+        """(h, w) how well a patch around a pixel can be located."""
+        return cv2.cornerMinEigenVal(np.log(self.gray + np.float32(DARK)), PATCH_PX)
+
+    @cached_property
+    def xyz_in_cam(self) -> NDArray[np.float32]:
+        """(h, w, 3) the surface under each pixel, in camera axes; NaN where there is none."""
+        assert self.images.depth is not None
+        depth = np.where(self.valid, self.images.depth, np.nan)[..., None]
+        ideal = ideal_grid(self.camera.intrinsics)
+        return np.concatenate([ideal * depth, depth], axis=2).astype(np.float32)
+
 
 class Lookup(Protocol):
     """The views by number of the photo."""
@@ -61,7 +79,9 @@ class TieSearch:
         return len(self.ties) / max(self.sought, 1)
 
 
-def photo_view(camera: Camera, gray: Gray, images: GBuffer, mask: NDArray[np.uint8] | None) -> PhotoView:
+def photo_view(
+    camera: Camera, gray: Gray, images: GBuffer, mask: NDArray[np.uint8] | None
+) -> PhotoView:
     """Bring a photo and its rendering together; mask: 0 = do not use."""
     assert images.depth is not None
     valid = np.isfinite(images.depth)
@@ -75,10 +95,8 @@ def find_ties(i: int, j: int, views: Lookup, radius_px: int) -> TieSearch:
     here, other = views[i], views[j]
     warped, shared = _warped(here, other)
     solid = cv2.erode(shared.astype(np.uint8), np.ones((2 * RIM_PX + 1,) * 2, np.uint8)) > 0
-    centers = corner_grid(here.gray, solid)
-    matches = match_patches(
-        gradient_field(warped), gradient_field(here.gray), centers, PATCH_PX, radius_px
-    )
+    centers = corner_grid(here.corners, solid)
+    matches = match_patches(gradient_field(warped), here.gradients, centers, PATCH_PX, radius_px)
     good = matches.score >= LEAST_SCORE
     x, y = centers[matches.patch[good]].T
     ties = _ties(i, j, views, (x, y), matches.target_px[good])
@@ -94,13 +112,12 @@ def gradient_field(gray: Gray) -> Field:
     return out
 
 
-def corner_grid(gray: Gray, valid: NDArray[np.bool_]) -> Index:
-    """(n, 2) x, y of the most corner-like valid pixel of each square of the grid that has
-    more structure than the median square (a flat or one-directional patch cannot be located).
+def corner_grid(corners: Gray, valid: NDArray[np.bool_]) -> Index:
+    """(n, 2) x, y of the most corner-like valid pixel of each square of the grid, but for squares
+    with less than half the structure of the median one (nothing there can be located).
     """
-    strength = cv2.cornerMinEigenVal(np.log(gray + np.float32(DARK)), PATCH_PX)
-    strength = np.where(valid, strength, 0)
-    h, w = (n // STEP_PX * STEP_PX for n in gray.shape)
+    strength = np.where(valid, corners, 0)
+    h, w = (n // STEP_PX * STEP_PX for n in corners.shape)
     squares = strength[:h, :w].reshape(h // STEP_PX, STEP_PX, w // STEP_PX, STEP_PX)
     cells = squares.transpose(0, 2, 1, 3).reshape(h // STEP_PX, w // STEP_PX, -1)
     best, where = cells.max(axis=2), cells.argmax(axis=2)
@@ -114,16 +131,12 @@ def corner_grid(gray: Gray, valid: NDArray[np.bool_]) -> Index:
 
 def _warped(here: PhotoView, other: PhotoView) -> tuple[Gray, NDArray[np.bool_]]:
     """(h, w) luma of `other` in the picture of `here`, and where both see the same surface."""
-    assert here.images.depth is not None and other.images.depth is not None
-    h, w = here.gray.shape
-    row, column = np.nonzero(here.valid)
-    pixels = np.stack([column, row], axis=1) + 0.5
-    xyz = here.camera.unproject(pixels, here.images.depth[row, column])
-    xy, z = other.camera.project(xyz)
-    at = np.full((h, w, 2), -1e4, np.float32)
-    at[row, column] = np.nan_to_num(xy - 0.5, nan=-1e4)
-    depth = np.zeros((h, w), np.float32)
-    depth[row, column] = z
+    assert other.images.depth is not None
+    other_from_here = other.camera.pose @ here.camera.pose.inverse
+    matrix = np.concatenate([other_from_here.R, other_from_here.t[:, None]], axis=1)
+    xyz = cv2.transform(here.xyz_in_cam, matrix)
+    depth = xyz[..., 2]
+    at = _pixels(other.camera.intrinsics, xyz)
     outside = {"borderMode": cv2.BORDER_CONSTANT, "borderValue": 0}
     there = cv2.remap(other.images.depth, at, None, cv2.INTER_NEAREST, **outside)
     usable = cv2.remap(other.valid.astype(np.uint8), at, None, cv2.INTER_NEAREST, **outside)
@@ -131,6 +144,19 @@ def _warped(here: PhotoView, other: PhotoView) -> tuple[Gray, NDArray[np.bool_]]
         shared = (usable > 0) & (np.abs(there - depth) < DEPTH_TOLERANCE * depth)
     gray = cv2.remap(other.gray, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.where(shared, gray, here.gray), shared
+
+
+def _pixels(k: Intrinsics, xyz_in_cam: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(h, w, 2) where points are in the picture, from the center of its first pixel as OpenCV
+    counts; far outside where they are not seen.
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ideal = xyz_in_cam[..., :2] / xyz_in_cam[..., 2:]
+    if k.distorted:
+        ideal = k.distort(ideal.reshape(-1, 2)).reshape(ideal.shape)
+    at = ideal * np.array([k.fx, k.fy], np.float32) + np.array([k.cx, k.cy], np.float32) - 0.5
+    seen = np.isfinite(at).all(axis=2, keepdims=True) & (xyz_in_cam[..., 2:] > 0)
+    return np.where(seen, at, -1e4).astype(np.float32)
 
 
 def _ties(i: int, j: int, views: Lookup, at: tuple[Index, Index], found_px: Array) -> Ties:
