@@ -106,14 +106,20 @@ def upright(charts: Charts) -> Charts:
 
 
 def border_edges(charts: Charts) -> Ints:
-    """(B, 2) rows of uv: the edges with one face, in the direction of that face."""
+    """(B, 2) rows of uv: the edges without exactly one face on each side, in the direction of
+    each of their faces.
+    """
     start = charts.faces.ravel()
     end = np.roll(charts.faces, -1, axis=1).ravel()
     key = np.minimum(start, end) * len(charts.uv) + np.maximum(start, end)
     order = np.argsort(key, kind="stable")
     first = np.flatnonzero(np.diff(key[order], prepend=-1))
-    once = order[first[np.diff(first, append=len(order)) == 1]]
-    return np.stack([start[once], end[once]], axis=1)
+    twice = first[np.diff(first, append=len(order)) == 2]
+    one, two = order[twice], order[twice + 1]
+    inner = start[one] == end[two]
+    border = np.ones(len(start), bool)
+    border[one[inner]] = border[two[inner]] = False
+    return np.stack([start[border], end[border]], axis=1)
 
 
 def extents(uv: Floats, starts: Ints) -> tuple[Floats, Floats]:
