@@ -45,20 +45,25 @@ def flatten(mesh: Mesh, density: Floats, options: UnwrapOptions) -> tuple[Charts
     finished, overlaps = [], 0
     for number in range(MOST_ROUNDS):
         charts, bad = _unfolded(mesh, project(mesh, faces, labels), options)
-        at_border, twice = doubled(charts, _row_height(charts, area, density))
-        of_chart = charts.chart_of_face
-        total = np.bincount(of_chart, area[faces], charts.count)
+        kept = np.flatnonzero(~bad)
+        flat = select(charts, kept, graph)  # folded faces would wind backwards
+        at_border, twice = doubled(flat, _row_height(flat, area, density))
+        layered = (twice > 0)[flat.chart_of_face]
+        inner = graph.restricted(kept)
+        finished.append(select(flat, np.flatnonzero(~layered), inner) if layered.any() else flat)
+        total = np.bincount(flat.chart_of_face, area[flat.face_of_mesh], flat.count)
         halve = twice > (SMALL_OVERLAP * total if number < PEELS else 0)
-        bad |= at_border & ~halve[of_chart]
-        again = bad | (twice > 0)[of_chart]
-        finished.append(select(charts, np.flatnonzero(~again), graph))
+        labels = np.zeros(len(faces), np.int64)
+        labels[kept] = _halved(mesh, flat, halve)
+        again = bad.copy()
+        again[kept] = layered
+        bad[kept] = at_border & ~halve[flat.chart_of_face]
         if not again.any():
             break
         overlaps += int(np.count_nonzero(twice))
         rows = np.flatnonzero(again)
         graph, faces = graph.restricted(rows), faces[rows]
-        labels = _halved(mesh, charts, halve)[rows]
-        labels = _cut_off(mesh, faces, labels, bad[rows], graph, options)
+        labels = _cut_off(mesh, faces, labels[rows], bad[rows], graph, options)
     else:
         finished.append(project(mesh, faces, np.arange(len(faces))))
     return join(finished), overlaps
