@@ -282,7 +282,8 @@ def test_far_from_the_origin():
     assert 0.999 <= check(mesh, atlas, 30) <= 1.25
 
 
-def test_no_faces():
-    """A mesh without faces is refused with a sentence."""
+@pytest.mark.parametrize("faces", [np.zeros((0, 3)), [[0, 1, 2]]])
+def test_no_surface(faces):
+    """A mesh without faces, or with flat lines only, is refused with a sentence."""
     with pytest.raises(InputError, match="no faces"):
-        unwrap(Mesh([[0, 0, 0]], np.zeros((0, 3))), 1.0, OPTIONS)
+        unwrap(Mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], faces), 1.0, OPTIONS)

@@ -31,7 +31,7 @@ def stretch(corners: Floats, uv_corners: Floats) -> Floats:
     product = np.maximum(h[0] * h[2] - h[1] ** 2, 0) / determinant
     root = np.sqrt(np.maximum(half_trace**2 - product, 0))
     larger = half_trace + root
-    return larger / np.sqrt(np.maximum(product, 1e-24 * larger**2))
+    return larger / np.sqrt(np.maximum(np.maximum(product, 1e-24 * larger**2), 1e-300))
 
 
 def weighted_quantiles(values: Floats, weights: Floats, at: tuple[float, ...]) -> list[float]:

@@ -28,11 +28,11 @@ def unwrap(mesh: Mesh, texels_per_unit: ArrayLike, options: UnwrapOptions | None
     texels_per_unit: texels per mesh unit on the surface, > 0, one number or one for each face
     (F,); each chart gets the root of the area-weighted mean square of its faces. Where the
     pages are too few or too small, all charts shrink alike: stats.scale says how much.
-    Raises InputError for a mesh without faces.
+    Raises InputError for a mesh without a face that has an area.
     """
     options = options or UnwrapOptions()
-    if len(mesh.faces) == 0:
-        raise InputError("The mesh has no faces to unwrap: give a mesh with a surface.")
+    if not face_areas(mesh).sum() > 0:
+        raise InputError("The mesh has no faces with an area: give a mesh with a surface.")
     density = np.broadcast_to(np.asarray(texels_per_unit, np.float64), len(mesh.faces))
     flat, overlaps = flatten(mesh, density, options)
     charts = _at_density(mesh, upright(flat), density)
