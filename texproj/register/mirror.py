@@ -26,16 +26,10 @@ there is no symmetry to speak of; symmetric facades have .68 and more."""
 FLIP = np.diag([-1.0, 1.0, 1.0])
 
 
-def mirrored_view(view: StructureView) -> StructureView:
-    """The view of the photo with left and right exchanged: an edge at angle a runs at -a."""
-    flipped = tuple(np.ascontiguousarray(field[:, ::-1]).conj() for field in view.fields)
-    return replace(view, fields=flipped)
-
-
 def mirrored_candidate(
-    view: StructureView, mirrored: StructureView, camera: Camera, least_support: float
+    view: StructureView, camera: Camera, least_support: float
 ) -> Candidate | None:
-    """A camera for the `mirrored` view of a photo near the mirror image of `camera`, with
+    """A camera for the mirrored view of a photo near the mirror image of `camera`, with
     `least_support` or more; None if there is none, as for most objects.
     """
     images, field, valid = view.rendering(camera, COARSE)
@@ -45,6 +39,7 @@ def mirrored_candidate(
     middle = _middle_in_cam(view.camera_at(camera, COARSE), images.depth, valid)
     facing = images.normal_in_cam[valid].mean(axis=0).astype(np.float64)
     start = mirrored_camera(camera, middle, facing)
+    mirrored = view.mirrored
     for placed in placed_starts(mirrored, start, (0.0,), SCALES, STARTS):
         if placed.score < LEAST_LIKENESS * own:
             break

@@ -46,7 +46,7 @@ def register_structure(
     Raises RegistrationError if no start leads anywhere.
     """
     options = options or StructureOptions()
-    view = StructureView.of(photo, render, options.working_px)
+    view = StructureView.of(photo, render, options.working_px, prior)
     fit = _attempt(view, prior, _likely_starts(view, prior, options), options)
     if options.wider and not (fit and fit.accepted):
         wider = _attempt(view, prior, _wider_starts(view, prior, options), options)
@@ -102,7 +102,7 @@ def _attempt(
         return None
     best = max(found, key=lambda c: c.support).camera
     seen, fit = refine(view, best, prior.intrinsics.fx, options.focal_sigma)
-    camera = fit.x.resized(prior.width, prior.height)
+    camera = view.full_camera(fit.x)
     return _fit(seen, fit, camera, judge(view, seen, camera, options, prior))
 
 
@@ -117,7 +117,7 @@ def _settled(found: list[Candidate], options: StructureOptions) -> bool:
 
 
 def _fit(seen: Observation, fit: LmFit[Camera], camera: Camera, verdict: Verdict) -> Fit:
-    scale = camera.width / seen.camera.width
+    scale = camera.intrinsics.fx / fit.x.intrinsics.fx
     offset = fit.x.project(seen.xyz_in_world)[0] - seen.matches.target_px
     residual = np.linalg.norm(offset, axis=1)
     # overlapping patches repeat each other

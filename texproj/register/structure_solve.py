@@ -29,6 +29,8 @@ FOUND_WITHIN_PX = 2.0
 """A patch agrees with a camera if found this close to its place, pixels of the level."""
 LEAST_MATCHES = 12
 """Matches, and patches, below which nothing is concluded."""
+FULL_PATCHES = 50
+"""A share is taken of so many patches at least: a few may agree by chance."""
 LEAST_SUPPORT = 0.1
 """Share of patches that must agree on a start's camera for it to be followed any further."""
 STILL_PX, MOST_ROUNDS = 0.5, 3
@@ -52,10 +54,12 @@ def approach(view: StructureView, start: Camera) -> Candidate | None:
     found: Candidate | None = None
     for rule in (WIDE, NEAR):
         seen = view.observe(start, rule)
-        camera = consensus(seen, start, MIDDLE_SCALE_PX)
+        camera = consensus(view, seen, MIDDLE_SCALE_PX)
         if camera is None:
             return None
-        found = Candidate(camera, explained_share(seen, camera), seen.xyz_in_world)
+        found = Candidate(
+            camera, explained_share(seen, view.camera_at(camera, rule.level)), seen.xyz_in_world
+        )
         if found.support < LEAST_SUPPORT:
             return None
         start = camera
@@ -71,20 +75,22 @@ def refine(
     fitted camera. expected_focal_px: fx of the full-size photo, with relative standard
     deviation `focal_sigma`.
     """
-    prior = (expected_focal_px, focal_sigma)
     seen = view.observe(camera, EXACT)
-    fit = least_squares(seen, consensus(seen, camera, FINE_SCALE_PX) or camera, *prior)
+    enlarged = seen.camera.intrinsics.fx / camera.intrinsics.fx
+    prior = (expected_focal_px * enlarged, focal_sigma)
+    agreed = consensus(view, seen, FINE_SCALE_PX)
+    start = seen.camera if agreed is None else view.camera_at(agreed, FINE)
+    fit = least_squares(seen, start, *prior)
     for _ in range(MOST_ROUNDS):
-        camera = fit.x.resized(camera.width, camera.height)
-        seen = view.observe(camera, LAST)
-        fit = least_squares(seen, camera, *prior)
+        seen = view.observe(view.full_camera(fit.x), LAST)
+        fit = least_squares(seen, seen.camera, *prior)
         if motion_px(fit.x, seen.camera, seen.xyz_in_world) < STILL_PX:
             break
     return seen, fit
 
 
-def consensus(seen: Observation, camera: Camera, scale_px: float) -> Camera | None:
-    """`camera` (full size) moved to the pose on which most matches agree; None if none do."""
+def consensus(view: StructureView, seen: Observation, scale_px: float) -> Camera | None:
+    """The camera (full size) with the pose on which most matches agree; None if none do."""
     matches = seen.matches
     if len(matches) < LEAST_MATCHES:
         return None
@@ -95,15 +101,13 @@ def consensus(seen: Observation, camera: Camera, scale_px: float) -> Camera | No
         return None
     problem = Reprojection(matches.target_px, seen.xyz_in_world, scale_px)
     found = minimize(problem, replace(seen.camera, pose=fit.pose), Loss("cauchy"), STEPS).x
-    return replace(camera, pose=found.pose)
+    return view.full_camera(found)
 
 
 def least_squares(
     seen: Observation, camera: Camera, expected_focal_px: float, focal_sigma: float
 ) -> LmFit[Camera]:
-    """All matches under a Cauchy loss; the fit's camera has the level's size."""
-    here = camera.resized(seen.camera.width, seen.camera.height)
-    focal = float(np.log(expected_focal_px * here.width / camera.width))
+    """All matches under a Cauchy loss from a camera of the level; so is the fit's."""
     # patches that overlap repeat each other: so much less is known than their number says
     sigma = FINE_SCALE_PX * seen.rule.size_px / seen.rule.step_px
     problem = Reprojection(
@@ -111,9 +115,9 @@ def least_squares(
         seen.xyz_in_world,
         sigma,
         ("focal",),
-        (Prior("focal", focal, focal_sigma),),
+        (Prior("focal", float(np.log(expected_focal_px)), focal_sigma),),
     )
-    return minimize(problem, here, Loss("cauchy", FINE_SCALE_PX / sigma), STEPS)
+    return minimize(problem, camera, Loss("cauchy", FINE_SCALE_PX / sigma), STEPS)
 
 
 def agrees(seen: Observation) -> NDArray[np.bool_]:
@@ -123,12 +127,11 @@ def agrees(seen: Observation) -> NDArray[np.bool_]:
 
 def found_share(seen: Observation) -> float:
     """Share of all patches sought that were found in place."""
-    return float(agrees(seen).sum() / max(seen.patches, LEAST_MATCHES))
+    return float(agrees(seen).sum() / max(seen.patches, FULL_PATCHES))
 
 
 def explained_share(seen: Observation, camera: Camera) -> float:
-    """Share of all patches sought of which a match is in place for another camera."""
-    here = camera.resized(seen.camera.width, seen.camera.height)
-    gap = np.linalg.norm(here.project(seen.xyz_in_world)[0] - seen.matches.target_px, axis=1)
+    """Share of all patches sought of which a match is in place for another camera of the level."""
+    gap = np.linalg.norm(camera.project(seen.xyz_in_world)[0] - seen.matches.target_px, axis=1)
     explained = np.unique(seen.matches.patch[gap < FOUND_WITHIN_PX])
-    return len(explained) / max(seen.patches, LEAST_MATCHES)
+    return len(explained) / max(seen.patches, FULL_PATCHES)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from texproj.camera import Camera
 from texproj.photo import Photo
+from texproj.register.window import Window
 from texproj.render.gbuffer import GBuffer
 from texproj.solve.matching import PatchMatches, match_patches, patch_grid
 from texproj.solve.orientation import Field, photo_field, render_field
@@ -20,6 +21,13 @@ Render = Callable[[Camera], GBuffer]
 
 FINE, MIDDLE, COARSE = 0, 1, 2
 """Levels: the working size, a half and a quarter of it."""
+LOOK_PX = 192
+"""Longer side of the rendering that tells where in the photo the mesh is."""
+MARGIN = 0.15
+"""What is added around it, of the photo's longer side: how far a start may be off."""
+WORTH_CROPPING = 0.85
+"""Longer side of the part, relative to the photo's, above which the photo is taken whole."""
+MOST_ENLARGED = 1.3
 RIM_PX = 3
 """Pixels along the mesh's outline that are left out: what lies behind is not in the mesh."""
 
@@ -66,21 +74,39 @@ class Observation:
 class StructureView:
     """A photo's orientation fields at three sizes, and the renderer to compare them with.
 
-    fields: finest first; render: gives depth, normal and ambient occlusion for a camera.
+    window: the part of the photo they show; fields: finest first; render: gives depth, normal
+    and ambient occlusion for a camera.
     """
 
+    window: Window
     fields: tuple[Field, ...]
     render: Render
 
     @classmethod
-    def of(cls, photo: Photo, render: Render, working_px: int) -> StructureView:
-        """`working_px`: longest side of the finest level; a smaller photo is taken as it is."""
-        size = min(working_px, max(photo.width, photo.height))
-        return cls(tuple(_field(photo, size / 2**k) for k in range(3)), render)
+    def of(cls, photo: Photo, render: Render, working_px: int, around: Camera) -> StructureView:
+        """The part of the photo in which `around` (full size) sees the mesh, with a margin.
+
+        working_px: longer side of that part at the finest level; a photo of fewer pixels is
+        enlarged up to twice, so that patches stay small against the object.
+        """
+        window, part = _window(photo, render, around).cut(photo)
+        size = min(working_px, MOST_ENLARGED * max(part.width, part.height))
+        return cls(window, tuple(_field(part, size / 2**k) for k in range(3)), render)
+
+    @property
+    def mirrored(self) -> StructureView:
+        """The view of the photo with left and right exchanged: an edge at angle a runs at -a."""
+        flipped = tuple(np.ascontiguousarray(field[:, ::-1]).conj() for field in self.fields)
+        return StructureView(self.window.mirrored, flipped, self.render)
 
     def camera_at(self, camera: Camera, level: int) -> Camera:
+        """The camera (full size) for the pixels of a level."""
         height, width = self.fields[level].shape
-        return camera.resized(width, height)
+        return self.window.camera_of(camera, width, height)
+
+    def full_camera(self, camera: Camera) -> Camera:
+        """The camera of a level for the full-size photo."""
+        return self.window.full_camera(camera)
 
     def rendering(self, camera: Camera, level: int) -> tuple[GBuffer, Field, NDArray[np.bool_]]:
         """What `camera` sees at `level`: images, orientation field, and where it counts."""
@@ -104,11 +130,26 @@ class StructureView:
         return Observation(here, rule, grid, matches, xyz)
 
 
+def _window(photo: Photo, render: Render, around: Camera) -> Window:
+    width, height = photo.info.width, photo.info.height
+    small = around.scaled(LOOK_PX / max(around.width, around.height))
+    depth = render(small).depth
+    if depth is None or not np.isfinite(depth).any():
+        return Window.whole(width, height)
+    window = Window.around(np.isfinite(depth), MARGIN, width, height)
+    cropped = max(window.width, window.height) < WORTH_CROPPING * max(width, height)
+    return window if cropped else Window.whole(width, height)
+
+
 def _field(photo: Photo, longest_px: float) -> Field:
     factor = longest_px / max(photo.width, photo.height)
-    if factor < 1:
-        photo = photo.resized(round(photo.width * factor), round(photo.height * factor))
-    return photo_field(photo.gray(), None if photo.mask is None else photo.mask > 0)
+    size = (max(1, round(photo.width * factor)), max(1, round(photo.height * factor)))
+    valid = None
+    if photo.mask is not None:
+        valid = cv2.resize(photo.mask, size, interpolation=cv2.INTER_NEAREST) > 0
+    reduce_ = cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC
+    gray = np.clip(cv2.resize(photo.gray(), size, interpolation=reduce_), 0, 1)
+    return photo_field(gray, valid)
 
 
 def _solid(images: GBuffer, rim_px: int) -> NDArray[np.bool_]:

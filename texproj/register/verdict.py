@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from texproj.camera import Camera
 from texproj.options import StructureOptions
 from texproj.photo import Photo
-from texproj.register.mirror import mirrored_candidate, mirrored_view
+from texproj.register.mirror import mirrored_candidate
 from texproj.register.structure_solve import (
     CHECK,
     LAST,
@@ -65,7 +65,7 @@ def verify(
 ) -> Verdict:
     """Whether `camera` (full size, from any method) explains `photo`."""
     options = options or StructureOptions()
-    view = StructureView.of(photo, render, options.working_px)
+    view = StructureView.of(photo, render, options.working_px, camera)
     return judge(view, view.observe(camera, LAST), camera, options)
 
 
@@ -113,13 +113,13 @@ def _cells(xy_px: Array, size: tuple[int, int]) -> set[tuple[int, int]]:
 def _mirrored_fits_better(
     view: StructureView, camera: Camera, support: float, options: StructureOptions
 ) -> bool:
-    mirrored = mirrored_view(view)
-    rival = mirrored_candidate(view, mirrored, camera, LEAST_SYMMETRY * support)
+    mirrored = view.mirrored
+    rival = mirrored_candidate(view, camera, LEAST_SYMMETRY * support)
     if rival is None:
         return False
     fit = refine(mirrored, rival.camera, camera.intrinsics.fx, options.focal_sigma)[1]
     own = found_share(view.observe(camera, DETAIL))
-    other = found_share(mirrored.observe(fit.x.resized(camera.width, camera.height), DETAIL))
+    other = found_share(mirrored.observe(mirrored.full_camera(fit.x), DETAIL))
     return other > own + MIRROR_MARGIN
 
 
