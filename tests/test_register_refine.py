@@ -1,0 +1,101 @@
+"""Joint refinement: photos that agree with each other, and one that does not belong."""
+
+from functools import lru_cache
+
+import numpy as np
+from scenes import exposure_round, synthetic_pair
+
+from texproj.camera import Camera
+from texproj.options import RefineOptions, RenderOptions
+from texproj.register.overlap import choose_partners
+from texproj.register.refine import refine
+from texproj.render import open_renderer
+
+OPTIONS = RefineOptions(working_px=512, fine_rounds=0, partners=4)
+
+
+def disturbed(cameras, px, seed):
+    """Each camera moved by about `px` pixels at the object, at random."""
+    rng = np.random.default_rng(seed)
+    moved = []
+    for camera in cameras:
+        angle = px / camera.intrinsics.fx * rng.normal(0, 0.6, 3)
+        turned = camera.pose.step([*angle, 0, 0, 0])
+        shift = rng.normal(0, 0.5, 3) * px / camera.intrinsics.fx
+        moved.append(Camera(camera.intrinsics, turned.step([0, 0, 0, *shift])))
+    return moved
+
+
+def errors_px(found, truth, mesh):
+    """(n,) mean distance of the mesh's vertices between found and true cameras."""
+    xyz = mesh.vertices[::20]
+    return np.array([
+        np.nanmean(np.linalg.norm(a.project(xyz)[0] - b.project(xyz)[0], axis=1))
+        for a, b in zip(found, truth, strict=True)
+    ])  # fmt: skip
+
+
+@lru_cache(maxsize=1)
+def refined(stranger: bool):
+    """The round of seven photos refined from 2 px; the last one maybe of another piece."""
+    data = exposure_round()
+    photos = list(data.photos)
+    if stranger:
+        other = synthetic_pair(1, "capital", seed=3, long_side=720).photos[0]
+        photos[-1] = other.resized(photos[-1].width, photos[-1].height)
+    start = disturbed(data.cameras, 2.0, 7)
+
+    def load(number, longest):
+        photo = photos[number]
+        factor = longest / max(photo.width, photo.height)
+        return photo.resized(round(photo.width * factor), round(photo.height * factor))
+
+    with open_renderer(RenderOptions()) as renderer, renderer.load(data.mesh) as scene:
+        found = refine(
+            start, [2.0] * 7, [False] * 7, load,
+            lambda c: scene.gbuffer(c, ("depth", "normal")), OPTIONS,
+        )  # fmt: skip
+    return data, start, found
+
+
+def test_photos_agree_better_than_each_alone():
+    """From 2 px to below one, with exposure steps, a visitor and a blurred photo among them."""
+    data, start, found = refined(False)
+    before = errors_px(start, data.cameras, data.mesh)
+    after = errors_px(found.cameras, data.cameras, data.mesh)
+
+    assert found.thrown_out == {} and len(found.tied) == 7
+    assert np.median(before) > 1.0
+    assert np.median(after) < 0.5 * np.median(before)
+    assert after.max() < before.max()
+
+
+def test_the_expected_error_is_neither_boast_nor_excuse():
+    """What is claimed stands within a factor of four of what is true, on average."""
+    data, _, found = refined(False)
+    after = errors_px(found.cameras, data.cameras, data.mesh)
+    ratio = np.sqrt((after**2).mean() / (found.expected_error_px**2).mean())
+
+    assert 0.25 < ratio < 4
+
+
+def test_a_stranger_is_thrown_out_and_moves_no_other():
+    """A photo of another piece: named with a reason, the others end where they end without it."""
+    data, _, without = refined(False)
+    _, _, found = refined(True)
+    apart = errors_px(found.cameras[:6], without.cameras[:6], data.mesh)
+
+    assert list(found.thrown_out) == [6]
+    assert "no other photo" in found.thrown_out[6]
+    assert 6 not in found.tied
+    assert np.median(apart) < 0.5
+
+
+def test_partners_reach_from_near_to_wide():
+    """Of many usable photos the closest and the widest are both taken; hidden ones never."""
+    share = np.full((5, 5), 0.8)
+    share[0, 4] = 0.1
+    angle = np.abs(np.subtract.outer(np.arange(5), np.arange(5))) * 10.0
+    pairs = [j for i, j in choose_partners(share, angle, 2) if i == 0]
+
+    assert pairs == [1, 3]
