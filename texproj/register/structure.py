@@ -17,7 +17,13 @@ from texproj.errors import RegistrationError
 from texproj.options import StructureOptions
 from texproj.photo import Photo
 from texproj.records import Fit
-from texproj.register.structure_solve import FINE_SCALE_PX, Candidate, approach, refine
+from texproj.register.structure_solve import (
+    FINE_SCALE_PX,
+    Candidate,
+    approach,
+    refine,
+    with_outline,
+)
 from texproj.register.structure_start import cameras_around, motion_px, placed_starts
 from texproj.register.structure_view import Observation, Render, StructureView
 from texproj.register.verdict import Verdict, judge
@@ -101,6 +107,7 @@ def _attempt(
     if not found:
         return None
     best = max(found, key=lambda c: c.support).camera
+    view = with_outline(view, best)
     seen, fit = refine(view, best, prior.intrinsics.fx, options.focal_sigma)
     camera = view.full_camera(fit.x)
     return _fit(seen, fit, camera, judge(view, seen, camera, options, prior))

@@ -66,6 +66,15 @@ def approach(view: StructureView, start: Camera) -> Candidate | None:
     return found
 
 
+def with_outline(view: StructureView, camera: Camera) -> StructureView:
+    """The view that counts the mesh's outline as an edge, if the photo shows it where `camera`
+    says; else the view as it is.
+    """
+    outlined = replace(view, outline=True)
+    better = found_share(outlined.observe(camera, CHECK)) > found_share(view.observe(camera, CHECK))
+    return outlined if better else view
+
+
 def refine(
     view: StructureView, camera: Camera, expected_focal_px: float, focal_sigma: float
 ) -> tuple[Observation, LmFit[Camera]]:

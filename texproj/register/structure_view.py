@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -14,7 +14,7 @@ from texproj.photo import Photo
 from texproj.register.window import Window
 from texproj.render.gbuffer import GBuffer
 from texproj.solve.matching import PatchMatches, match_patches, patch_grid
-from texproj.solve.orientation import Field, photo_field, render_field
+from texproj.solve.orientation import Field, Gray, photo_field, render_field
 
 Array = NDArray[np.float64]
 Render = Callable[[Camera], GBuffer]
@@ -75,12 +75,14 @@ class StructureView:
     """A photo's orientation fields at three sizes, and the renderer to compare them with.
 
     window: the part of the photo they show; fields: finest first; render: gives depth, normal
-    and ambient occlusion for a camera.
+    and ambient occlusion for a camera; outline: count the mesh's outline as an edge, as is
+    right where the mesh is complete and wrong where it ends and the object goes on.
     """
 
     window: Window
     fields: tuple[Field, ...]
     render: Render
+    outline: bool = False
 
     @classmethod
     def of(cls, photo: Photo, render: Render, working_px: int, around: Camera) -> StructureView:
@@ -97,7 +99,7 @@ class StructureView:
     def mirrored(self) -> StructureView:
         """The view of the photo with left and right exchanged: an edge at angle a runs at -a."""
         flipped = tuple(np.ascontiguousarray(field[:, ::-1]).conj() for field in self.fields)
-        return StructureView(self.window.mirrored, flipped, self.render)
+        return replace(self, window=self.window.mirrored, fields=flipped)
 
     def camera_at(self, camera: Camera, level: int) -> Camera:
         """The camera (full size) for the pixels of a level."""
@@ -111,10 +113,15 @@ class StructureView:
     def rendering(self, camera: Camera, level: int) -> tuple[GBuffer, Field, NDArray[np.bool_]]:
         """What `camera` sees at `level`: images, orientation field, and where it counts."""
         images = self.render(self.camera_at(camera, level))
-        valid = _solid(images, max(1, RIM_PX >> level))
-        assert images.normal_in_cam is not None and images.ao is not None
-        channels = [np.ascontiguousarray(images.normal_in_cam[..., k]) for k in range(3)]
-        return images, render_field([*channels, images.ao], valid), valid
+        solid = _solid(images)
+        inner = _eroded(solid, max(1, RIM_PX >> level))
+        channels = _channels(images)
+        if self.outline:
+            # channels go on beyond the outline, which then is an edge of its own
+            beyond = [_extended(channel, solid) for channel in channels]
+            wide = cv2.dilate(solid.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
+            return images, render_field([*beyond, solid.astype(np.float32)], wide), solid
+        return images, render_field(channels, inner), inner
 
     def observe(self, camera: Camera, rule: PatchRule) -> Observation:
         """Match the patches of a rendering from `camera` (any size) to the photo."""
@@ -123,9 +130,8 @@ class StructureView:
         photo = self.fields[rule.level]
         matches = match_patches(field, photo, centers, rule.size_px, rule.radius_px, rule.peaks)
         x, y = centers[matches.patch].T
-        assert images.depth is not None
         here = self.camera_at(camera, rule.level)
-        xyz = here.unproject(matches.source_px, images.depth[y, x])
+        xyz = here.unproject(matches.source_px, _depth(images)[y, x])
         grid = centers.astype(np.float64) + 0.5
         return Observation(here, rule, grid, matches, xyz)
 
@@ -152,13 +158,39 @@ def _field(photo: Photo, longest_px: float) -> Field:
     return photo_field(gray, valid)
 
 
-def _solid(images: GBuffer, rim_px: int) -> NDArray[np.bool_]:
-    """Where the mesh's outside is seen, `rim_px` away from where it is not."""
-    assert images.depth is not None
-    solid = np.isfinite(images.depth)
-    if images.front is not None:
-        solid &= images.front
-    # what reaches beyond the picture is not a rim
+def _channels(images: GBuffer) -> list[Gray]:
+    """Normal x, y, z and ambient occlusion."""
+    if images.normal_in_cam is None or images.ao is None:
+        raise ValueError("structure needs a rendering with depth, normal and ao")
+    normal = [np.ascontiguousarray(images.normal_in_cam[..., k]) for k in range(3)]
+    return [*normal, images.ao]
+
+
+def _depth(images: GBuffer) -> Gray:
+    if images.depth is None:
+        raise ValueError("structure needs a rendering with depth, normal and ao")
+    return images.depth
+
+
+def _solid(images: GBuffer) -> NDArray[np.bool_]:
+    """Where the mesh's outside is seen."""
+    solid = np.isfinite(_depth(images))
+    return solid if images.front is None else solid & images.front
+
+
+def _eroded(solid: NDArray[np.bool_], rim_px: int) -> NDArray[np.bool_]:
+    """Without its rim; what reaches beyond the picture has none there."""
     kernel = np.ones((2 * rim_px + 1,) * 2, np.uint8)
     border = {"borderType": cv2.BORDER_CONSTANT, "borderValue": 1}
     return cv2.erode(solid.astype(np.uint8), kernel, **border) > 0
+
+
+def _extended(channel: Gray, solid: NDArray[np.bool_]) -> Gray:
+    """The channel with the nearest solid pixel's value wherever it is not solid."""
+    if not solid.any():
+        return channel
+    away = (~solid).astype(np.uint8)
+    label = cv2.distanceTransformWithLabels(away, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)[1]
+    value = np.zeros(int(label.max()) + 1, np.float32)
+    value[label[solid]] = channel[solid]
+    return np.where(solid, channel, value[label])
