@@ -52,7 +52,7 @@ def refined(stranger: bool):
 
     with open_renderer(RenderOptions()) as renderer, renderer.load(data.mesh) as scene:
         found = refine(
-            start, [2.0] * 7, [False] * 7, load,
+            start, [2.0] * 7, [False] * 7, [c.intrinsics.fx for c in start], load,
             lambda c: scene.gbuffer(c, ("depth", "normal")), OPTIONS,
         )  # fmt: skip
     return data, start, found

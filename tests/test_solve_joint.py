@@ -1,12 +1,15 @@
 """The joint problem: ties through the surface, anchors, and their derivatives."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from texproj.camera import Camera, Intrinsics, Pose
-from texproj.solve.joint import Anchors, JointPoses, Ties
+from texproj.solve.joint import Anchors, JointPoses, Lenses, Ties, scaled_focal
 from texproj.solve.lm import minimize
 
+LENSES = Lenses(np.array([0, 1, 0]), np.log([700.0, 700.0]), 0.01, np.array([True, True]))
 LENS = Intrinsics(800, 600, 700, 705, 390, 310, (-0.1, 0.03, 1e-3, -5e-4, 0))
 
 
@@ -35,8 +38,8 @@ def ties_between(cameras, rng, n=60, noise_px=0.0) -> Ties:
                 xyz, normal = surface(rng, n)
                 px = cameras[i].project(xyz)[0] + rng.normal(0, noise_px, (n, 2))
                 ray = cameras[j].pose.apply(xyz)
-                ray /= np.linalg.norm(ray, axis=1, keepdims=True)
-                parts.append(Ties(np.full(n, i), np.full(n, j), px, ray, xyz, normal))
+                ideal, focal = ray[:, :2] / ray[:, 2:], np.full(n, LENS.fx)
+                parts.append(Ties(np.full(n, i), np.full(n, j), px, ideal, focal, xyz, normal))
     return Ties.joined(parts)
 
 
@@ -50,7 +53,7 @@ def anchored(cameras, rng, sigma_px=1.0) -> Anchors:
 
 def problem(cameras, rng, noise_px=0.0, fixed=(False, False, False)) -> JointPoses:
     ties = ties_between(cameras, rng, noise_px=noise_px)
-    return JointPoses(ties, anchored(cameras, rng), 0.5, np.array(fixed))
+    return JointPoses(ties, anchored(cameras, rng), LENSES, 0.5, np.array(fixed))
 
 
 def test_the_residual_is_zero_at_the_truth():
@@ -67,14 +70,14 @@ def test_derivatives_are_those_of_central_differences(which):
     """Also away from the truth, for both cameras of a tie."""
     cameras = three_cameras()
     joint = problem(cameras, np.random.default_rng(2))
-    cameras = joint.step(cameras, np.random.default_rng(3).normal(0, 0.01, 18))
+    cameras = joint.step(cameras, np.random.default_rng(3).normal(0, 0.01, 20))
     told = joint.jacobian(cameras) if which == "residual" else joint.prior(cameras)[1]
     value = (lambda c: joint.residual(c).ravel()) if which == "residual" else (
         lambda c: joint.prior(c)[0])  # fmt: skip
     h = 1e-6
     columns = [
         (value(joint.step(cameras, h * e)) - value(joint.step(cameras, -h * e))) / (2 * h)
-        for e in np.eye(18)
+        for e in np.eye(20)
     ]
 
     assert np.abs(told.toarray() - np.stack(columns, axis=1)).max() < 1e-3 * np.abs(told).max()
@@ -85,14 +88,27 @@ def test_cameras_that_are_fixed_do_not_move_and_lead_the_others():
     """Two of three held at the truth bring the third back from 10 pixels, exactly."""
     truth = three_cameras()
     rng = np.random.default_rng(4)
-    joint = problem(truth, rng, fixed=(True, True, False))
+    known = Lenses(LENSES.group, LENSES.log_focal, 0.01, np.array([False, False]))
+    joint = replace(problem(truth, rng, fixed=(True, True, False)), lenses=known)
     moved = truth[2].pose.step([0.01, -0.008, 0.01, 0.02, 0.01, -0.03])
     start = (truth[0], truth[1], Camera(LENS, moved))
     found = minimize(joint, start).x
 
-    assert found[0] is truth[0] and found[1] is truth[1]
+    assert found[0].pose is truth[0].pose and found[1].pose is truth[1].pose
     assert np.abs(found[2].pose.R - truth[2].pose.R).max() < 1e-6
     assert np.abs(found[2].pose.t - truth[2].pose.t).max() < 1e-5
+
+
+def test_a_shared_focal_length_is_found():
+    """Two cameras of one lens, both 1 % long: ties across the relief bring the length back."""
+    truth = three_cameras()
+    joint = problem(truth, np.random.default_rng(8))
+    longer = scaled_focal(LENS, 1.01)
+    start = (Camera(longer, truth[0].pose), truth[1], Camera(longer, truth[2].pose))
+    found = minimize(joint, start).x
+
+    assert found[0].intrinsics.fx == found[2].intrinsics.fx
+    assert abs(found[0].intrinsics.fx / LENS.fx - 1) < 1e-4
 
 
 def test_noise_of_the_ties_shows_in_the_cameras_and_no_more():

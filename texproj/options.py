@@ -43,8 +43,9 @@ class RegisterOptions:
 class ColorOptions:
     """How photos are projected onto the surface and blended."""
 
-    to: Literal["vertices", "texture"] = "texture"
-    """One color per vertex of the mesh, or a texture."""
+    to: Literal["vertices", "texture", "patches"] = "texture"
+    """One color per vertex of the mesh, a texture blended from all photos, or a texture of patches
+    cut from single photos."""
 
     depth_scale: Annotated[float, Field(gt=0, le=1)] = 0.5
     """Size of the depth image that decides what a photo sees, as a part of the photo's size."""
@@ -102,6 +103,39 @@ class UnwrapOptions:
     stretch."""
     steepest_deg: Annotated[float, Field(gt=30, lt=85)] = 75.0
     """Largest angle between a face and the plane of its chart."""
+
+
+@dataclass(frozen=True, config=STRICT)
+class PatchOptions:
+    """How the surface is divided among the photos for `--to patches`."""
+
+    seam_px: Annotated[float, Field(ge=0, le=1000)] = 20.0
+    """What a seam costs: as much as a strip of so many pixels in a photo that is plainly wrong."""
+
+    resolution: Annotated[float, Field(ge=0, le=10)] = 0.05
+    """What it costs to halve the number of pixels on the surface; 1 = as much as a wrong photo."""
+
+    margin: Annotated[float, Field(ge=0, le=10)] = 0.3
+    """What it costs to use the very border of a photo, or the edge of something in front."""
+
+    consensus_scale: Positive = 0.06
+    """Difference from what all photos agree on (square root of linear light, 1 = white) that costs
+    half as much as a wrong photo."""
+
+    outlier: Positive = 3.0
+    """Beyond so many times that difference a photo is not used, if at least three others agree."""
+
+    candidates: Annotated[int, Field(ge=1, le=64)] = 10
+    """Most photos that a face can choose from."""
+
+    smallest_px: Annotated[float, Field(ge=0)] = 200.0
+    """Patches of fewer pixels join their neighbors where those may show them."""
+
+    strip_px: Annotated[float, Field(gt=0, le=1000)] = 10.0
+    """Width on either side of a seam in which the two photos fade into each other."""
+
+    level_px: Annotated[float, Field(ge=0, le=10000)] = 40.0
+    """Distance over which colors are brought to what all photos agree on; 0 = not at all."""
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -168,6 +202,9 @@ class StructureOptions:
 
     far_support: Fraction = 0.55
     """... namely this share of patches in place: what looks alike elsewhere has less."""
+
+    max_error_percent: Positive = 0.5
+    """Refuse a camera whose expected error on the surface is larger, percent of the longer side."""
 
 
 MapName = Literal[
@@ -280,6 +317,10 @@ class RefineOptions:
 
     fine_rounds: Annotated[int, Field(ge=0, le=100)] = 2
     """Most rounds at twice the working size."""
+
+    focal_sigma: Positive = 0.02
+    """How far to trust the focal length that the photos of one lens have found on average:
+    relative standard deviation."""
 
     least_support: Fraction = 0.15
     """A photo is thrown out if no partner confirms at least this share of its patches."""

@@ -8,7 +8,7 @@ mesh's frame.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -19,6 +19,7 @@ from texproj.camera import Camera
 from texproj.options import RefineOptions
 from texproj.register.overlap import choose_partners, shared_views
 from texproj.register.refine_session import (
+    KEPT_PHOTOS,
     Cameras,
     Kept,
     LoadPhoto,
@@ -27,7 +28,7 @@ from texproj.register.refine_session import (
 )
 from texproj.register.structure_view import Render
 from texproj.register.ties import TieSearch, find_ties
-from texproj.solve.joint import Anchors, JointPoses, Ties
+from texproj.solve.joint import Anchors, JointPoses, Lenses, Ties, scaled_focal
 from texproj.solve.lm import LmFit, LmOptions, Loss, minimize
 from texproj.solve.reprojection import projection_jacobian
 
@@ -71,6 +72,7 @@ def refine(
     cameras: Sequence[Camera],
     sigma_px: Sequence[float],
     fixed: Sequence[bool],
+    lenses: Sequence[Hashable],
     load_photo: LoadPhoto,
     render: Render,
     options: RefineOptions | None = None,
@@ -78,19 +80,22 @@ def refine(
     """Cameras that agree on the surface.
 
     cameras: full size, registered to a few pixels; sigma_px: expected error of each, full-size
-    pixels; fixed: those that must not move and that the others follow; render: gives depth and
-    normals for a camera.
+    pixels; fixed: those that must not move and that the others follow; lenses: cameras of the same
+    lens have the same focal length; render: gives depth and normals for a camera.
     """
     options = options or RefineOptions()
+    held = np.array(fixed, bool)
+    points = anchor_points(cameras, render)
+    start, shared = _shared_lenses(cameras, points, lenses, held, options)
     joint = _Joint(
-        tuple(cameras), np.array(sigma_px, float), np.array(fixed, bool), load_photo, render,
-        anchor_points(cameras, render), Kept(48),
+        tuple(cameras), start, np.array(sigma_px, float), held, shared, load_photo, render, points,
+        Kept(KEPT_PHOTOS),
     )  # fmt: skip
-    pairs = choose_partners(*shared_views(cameras, render), options.partners)
-    found = joint.search(joint.given, pairs, options.working_px, FIRST_RADIUS_PX)
+    pairs = choose_partners(*shared_views(start, render), options.partners)
+    found = joint.search(start, pairs, options.working_px, FIRST_RADIUS_PX)
     strangers = joint.strangers(found, options)
     pairs = [p for p in pairs if not strangers.keys() & set(p)]
-    now, fit, rounds = joint.given, None, 0
+    now, fit, rounds = start, None, 0
     for longest, most in _schedule(options):
         for _ in range(most if pairs else 0):
             before, rounds = now, rounds + 1
@@ -112,8 +117,10 @@ class _Joint:
     """What stays the same over all rounds; points: per camera, what its own registration saw."""
 
     given: Cameras
+    start: Cameras
     sigma_px: Array
     fixed: NDArray[np.bool_]
+    lenses: Lenses
     load_photo: LoadPhoto
     render: Render
     points: list[Array]
@@ -132,7 +139,7 @@ class _Joint:
         for i, j in pairs:
             one = find_ties(i, j, views, radius_px)
             to_full = cameras[i].width / views[i].camera.width
-            found[i, j] = replace(one, ties=replace(one.ties, to_px=one.ties.to_px * to_full))
+            found[i, j] = replace(one, ties=_at_full_size(one.ties, to_full, cameras[j]))
         return found
 
     def strangers(self, found: dict[Pair, TieSearch], options: RefineOptions) -> dict[int, str]:
@@ -155,7 +162,7 @@ class _Joint:
         joined = Ties.joined(ties)
         sigma = TIE_SIGMA_PX * self.longest / longest
         tied = np.isin(np.arange(len(cameras)), [joined.to, joined.source])
-        problem = JointPoses(joined, self._anchors(), sigma, self.fixed | ~tied)
+        problem = JointPoses(joined, self._anchors(), self.lenses, sigma, self.fixed | ~tied)
         fit = minimize(problem, cameras, TIE_LOSS, STEPS)
         return fit.x, fit
 
@@ -182,6 +189,7 @@ class _Joint:
                 spread = _spread_px(cameras[k], self.points[k], block)
                 systematic = SYSTEMATIC_PX * self.longest / longest
                 error[k] = 0.0 if self.fixed[k] else float(np.hypot(spread, systematic))
+            quality["focal_px"] = [round(c.intrinsics.fx, 2) for c in cameras]
             motion = np.where(
                 np.isin(np.arange(len(motion)), tied), self.motion_px(self.given, cameras), np.nan
             )
@@ -199,6 +207,35 @@ class _Joint:
         px = [c.project(p)[0] for c, p in zip(self.given, self.points, strict=True)]
         sigma = np.repeat(self.sigma_px * np.sqrt(count / ANCHOR_WEIGHT), count)
         return Anchors(camera, np.concatenate(self.points), np.concatenate(px), sigma)
+
+
+def _shared_lenses(
+    cameras: Sequence[Camera], points: list[Array], lenses: Sequence[Hashable],
+    fixed: NDArray[np.bool_], options: RefineOptions,
+) -> tuple[Cameras, Lenses]:  # fmt: skip
+    """The cameras with the median focal length of their lens, and what is shared."""
+    names = list(dict.fromkeys(lenses))
+    group = np.array([names.index(lens) for lens in lenses])
+    log_focal = np.log([camera.intrinsics.fx for camera in cameras])
+    free = np.array([not fixed[group == g].any() for g in range(len(names))])
+    common = np.array([np.median(log_focal[group == g]) for g in range(len(names))])
+    start = tuple(
+        _refocused(camera, float(np.exp(common[g] - old)), points[k]) if free[g] else camera
+        for k, (camera, g, old) in enumerate(zip(cameras, group, log_focal, strict=True))
+    )
+    return start, Lenses(group, common, options.focal_sigma, free)
+
+
+def _refocused(camera: Camera, factor: float, points: Array) -> Camera:
+    """Another focal length, and nearer or farther so that the surface keeps its size."""
+    depth = float(np.median(camera.pose.apply(points)[:, 2])) if len(points) else 0.0
+    pose = camera.pose.step([0, 0, 0, 0, 0, depth * (factor - 1)])
+    return Camera(scaled_focal(camera.intrinsics, factor), pose)
+
+
+def _at_full_size(ties: Ties, to_full: float, source: Camera) -> Ties:
+    focal = np.full(len(ties), source.intrinsics.fx)
+    return replace(ties, to_px=ties.to_px * to_full, focal_in_source=focal)
 
 
 def _spread_px(camera: Camera, points: Array, covariance: Array) -> float:

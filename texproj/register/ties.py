@@ -168,9 +168,11 @@ def _ties(i: int, j: int, views: Lookup, at: tuple[Index, Index], found_px: Arra
     x, y = at
     point = here.camera.unproject(np.stack([x, y], axis=1) + 0.5, here.images.depth[y, x])
     normal = here.images.normal_in_cam[y, x].astype(np.float64) @ here.camera.pose.R
-    ray = other.camera.pose.apply(point)
-    ray = ray / np.linalg.norm(ray, axis=1, keepdims=True)
-    slant = np.abs((normal * (ray @ other.camera.pose.R)).sum(1))
+    in_other = other.camera.pose.apply(point)
+    ray = (point - other.camera.center) / np.linalg.norm(in_other, axis=1, keepdims=True)
+    slant = np.abs((normal * ray).sum(1))
     n = len(x)
-    ties = Ties(np.full(n, i), np.full(n, j), found_px, ray, point, normal)
+    focal = np.full(n, other.camera.intrinsics.fx)
+    ideal = in_other[:, :2] / in_other[:, 2:]
+    ties = Ties(np.full(n, i), np.full(n, j), found_px, ideal, focal, point, normal)
     return ties.at(slant > LEAST_SLANT)

@@ -7,13 +7,13 @@ another. The point moves with camera j: its ray is cut with the plane that touch
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from texproj.camera import Camera
+from texproj.camera import Camera, Intrinsics
 from texproj.solve.reprojection import projection_jacobian
 
 Array = NDArray[np.float64]
@@ -23,14 +23,16 @@ Cameras = tuple[Camera, ...]
 @dataclass(frozen=True, eq=False)
 class Ties:
     """n ties. to, source: (n,) numbers of the cameras i and j; to_px: (n, 2) where the point is
-    seen in i; ray_in_source: (n, 3) its ray in the axes of camera j; point, normal: (n, 3) world,
-    the plane that touches the surface there.
+    seen in i; ideal_in_source: (n, 2) x/z and y/z of its ray in camera j, focal_in_source: (n,) at
+    the focal length fx in pixels that j had then; point, normal: (n, 3) world, the plane that
+    touches the surface there.
     """
 
     to: NDArray[np.intp]
     source: NDArray[np.intp]
     to_px: Array
-    ray_in_source: Array
+    ideal_in_source: Array
+    focal_in_source: Array
     point: Array
     normal: Array
 
@@ -63,14 +65,28 @@ class Anchors:
 
 
 @dataclass(frozen=True, eq=False)
+class Lenses:
+    """Which cameras share a focal length. group: (cameras,) numbers; log_focal: (groups,) what is
+    known of log fx beforehand, sigma: its standard deviation; free: (groups,) bool, is it solved.
+    """
+
+    group: NDArray[np.intp]
+    log_focal: Array
+    sigma: float
+    free: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
 class JointPoses:
-    """Poses of all cameras from ties and anchors; the variable is a tuple of cameras.
+    """All poses and shared focal lengths from ties and anchors; the variable is a tuple of cameras,
+    its step six numbers a camera, as `Pose.step`, then the change of log focal of each group.
 
     sigma_px: noise of the ties; fixed: (cameras,) bool, whose poses are not solved.
     """
 
     ties: Ties
     anchors: Anchors
+    lenses: Lenses
     sigma_px: float
     fixed: NDArray[np.bool_]
 
@@ -85,72 +101,113 @@ class JointPoses:
 
     def points(self, cameras: Cameras) -> Array:
         """(n, 3) where the ties' rays meet the surface, world."""
-        ties = self.ties
-        out = np.empty((len(ties), 3))
-        for j in np.unique(ties.source):
-            rows = ties.source == j
-            pose = cameras[j].pose
-            ray = ties.ray_in_source[rows] @ pose.R
-            gap = ((ties.point[rows] - pose.center) * ties.normal[rows]).sum(1)
-            out[rows] = pose.center + ray * (gap / (ties.normal[rows] * ray).sum(1))[:, None]
+        out = np.empty((len(self.ties), 3))
+        for j in np.unique(self.ties.source):
+            rows = self.ties.source == j
+            out[rows] = self._met(cameras[j], rows)[0]
         return out
 
     def jacobian(self, cameras: Cameras) -> sparse.csr_matrix:
-        """(2 n, 6 cameras) derivative of the residual by the poses' steps."""
+        """(2 n, 6 cameras + groups) derivative of the residual by the step."""
+        n = len(self.ties)
+        own, other = np.zeros((n, 2, 7)), np.zeros((n, 2, 7))
         xyz = self.points(cameras)
-        own, other = np.zeros((len(self.ties), 2, 6)), np.zeros((len(self.ties), 2, 6))
         for i in np.unique(self.ties.to):
             rows = self.ties.to == i
-            own[rows] = projection_jacobian(cameras[i], xyz[rows])
+            own[rows] = projection_jacobian(cameras[i], xyz[rows], ("focal",))
         for i, j in np.unique(np.stack([self.ties.to, self.ties.source], axis=1), axis=0):
             rows = (self.ties.to == i) & (self.ties.source == j)
-            by_point = own[rows][:, :, 3:] @ cameras[i].pose.R
-            other[rows] = by_point @ self._point_jacobian(cameras[j], xyz[rows], rows)
-        return self._assembled(own / self.sigma_px, other / self.sigma_px, len(cameras))
+            by_point = own[rows][:, :, 3:6] @ cameras[i].pose.R
+            other[rows] = by_point @ self._point_jacobian(cameras[j], rows)
+        whole = self._scattered(own, self.ties.to) + self._scattered(other, self.ties.source)
+        return whole / self.sigma_px
 
     def step(self, cameras: Cameras, delta: Array) -> Cameras:
-        """Each pose moved by its six numbers."""
-        moves = delta.reshape(-1, 6)
+        """Each pose moved by its six numbers, each focal length scaled."""
+        count = len(cameras)
+        moves, scale = delta[: 6 * count].reshape(-1, 6), np.exp(np.clip(delta[6 * count :], -1, 1))
         return tuple(
-            c if self.fixed[k] else Camera(c.intrinsics, c.pose.step(moves[k]))
+            Camera(
+                scaled_focal(c.intrinsics, float(scale[self.lenses.group[k]])),
+                c.pose if self.fixed[k] else c.pose.step(moves[k]),
+            )
             for k, c in enumerate(cameras)
         )
 
     def prior(self, cameras: Cameras) -> tuple[Array, sparse.csr_matrix]:
-        """The anchors, and a unit hold on cameras that are fixed."""
-        anchors, count = self.anchors, len(cameras)
+        """The anchors, what is known of the focal lengths, and a unit hold on what is fixed."""
+        anchors = self.anchors
         residual = np.zeros((len(anchors.camera), 2))
-        jacobian = np.zeros((len(anchors.camera), 2, 6))
+        jacobian = np.zeros((len(anchors.camera), 2, 7))
         for k in np.unique(anchors.camera):
             rows = anchors.camera == k
             sigma = anchors.sigma_px[rows, None]
-            residual[rows] = (cameras[k].project(anchors.point[rows])[0] - anchors.px[rows]) / sigma
-            jacobian[rows] = projection_jacobian(cameras[k], anchors.point[rows]) / sigma[..., None]
+            seen = cameras[k].project(anchors.point[rows])[0]
+            residual[rows] = (seen - anchors.px[rows]) / sigma
+            columns = projection_jacobian(cameras[k], anchors.point[rows], ("focal",))
+            jacobian[rows] = columns / sigma[..., None]
         known = np.isfinite(residual).all(axis=1)
-        residual, jacobian = residual[known], jacobian[known]
-        held = np.repeat(self.fixed, 6).astype(float)
-        matrix = _scattered(jacobian, anchors.camera[known], count)
-        whole: sparse.csr_matrix = sparse.vstack([matrix, sparse.diags(held)], format="csr")
-        return np.concatenate([residual.ravel(), np.zeros(6 * count)]), whole
+        matrix = self._scattered(jacobian[known], anchors.camera[known])
+        hold, held = self._holds(cameras)
+        whole = sparse.vstack([matrix, hold], format="csr")
+        return np.concatenate([residual[known].ravel(), held]), whole
 
-    def _point_jacobian(self, camera: Camera, xyz: Array, rows: NDArray[np.bool_]) -> Array:
-        """(k, 3, 6) how the surface point moves with the pose of the camera whose ray it is on."""
-        R = camera.pose.R
-        in_cam = camera.pose.apply(xyz)
-        rigid = np.concatenate(
-            [R.T @ _cross_matrices(in_cam), -np.broadcast_to(R.T, (len(xyz), 3, 3))], axis=2
+    def _holds(self, cameras: Cameras) -> tuple[sparse.csr_matrix, Array]:
+        """A row for each parameter: the focal lengths' prior, one for what must not move."""
+        lenses = self.lenses
+        first = [int(np.flatnonzero(lenses.group == g)[0]) for g in range(len(lenses.log_focal))]
+        log_focal = np.log([cameras[k].intrinsics.fx for k in first])
+        sigma = np.where(lenses.free, lenses.sigma, 1.0)
+        value = np.where(lenses.free, (log_focal - lenses.log_focal) / sigma, 0)
+        weight = np.concatenate([np.repeat(self.fixed, 6).astype(float), 1 / sigma])
+        return sparse.csr_matrix(sparse.diags(weight)), np.concatenate(
+            [np.zeros(6 * len(cameras)), value]
         )
-        ray = xyz - camera.center
+
+    def _met(self, camera: Camera, rows: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+        """(k, 3) where the rays of `rows` meet the surface; the rays in cam; how far along."""
+        scale = self.ties.focal_in_source[rows] / camera.intrinsics.fx
+        ideal = self.ties.ideal_in_source[rows] * scale[:, None]
+        in_cam = np.concatenate([ideal, np.ones((len(ideal), 1))], axis=1)
+        ray = in_cam @ camera.pose.R
         normal = self.ties.normal[rows]
-        along = ray / (normal * ray).sum(1, keepdims=True)
-        out: Array = rigid - along[:, :, None] * (normal[:, None] @ rigid)
+        gap = ((self.ties.point[rows] - camera.center) * normal).sum(1)
+        along = gap / (normal * ray).sum(1)
+        return camera.center + ray * along[:, None], in_cam, along
+
+    def _point_jacobian(self, camera: Camera, rows: NDArray[np.bool_]) -> Array:
+        """(k, 3, 7) how the surface point moves with the pose and the focal length of the camera
+        whose ray it is on.
+        """
+        R = camera.pose.R
+        xyz, in_cam, along = self._met(camera, rows)
+        turn = R.T @ _cross_matrices(camera.pose.apply(xyz))
+        shift = -np.broadcast_to(R.T, (len(xyz), 3, 3))
+        zoom = (-in_cam * (1, 1, 0) * along[:, None]) @ R
+        free = np.concatenate([turn, shift, zoom[:, :, None]], axis=2)
+        ray, normal = xyz - camera.center, self.ties.normal[rows]
+        slide = ray / (normal * ray).sum(1, keepdims=True)
+        out: Array = free - slide[:, :, None] * (normal[:, None] @ free)
         return out
 
-    def _assembled(self, own: Array, other: Array, count: int) -> sparse.csr_matrix:
-        free = ~self.fixed
-        own = own * free[self.ties.to][:, None, None]
-        other = other * free[self.ties.source][:, None, None]
-        return _scattered(own, self.ties.to, count) + _scattered(other, self.ties.source, count)
+    def _scattered(self, blocks: Array, camera: NDArray[np.intp]) -> sparse.csr_matrix:
+        """(2 n, parameters) sparse matrix of (n, 2, 7) blocks, in the columns of their cameras and
+        lenses; what is fixed stays zero.
+        """
+        n, group, lenses = len(blocks), self.lenses.group[camera], self.lenses
+        free = np.repeat(~self.fixed[camera][:, None], 6, axis=1)
+        free = np.concatenate([free, lenses.free[group][:, None]], axis=1)
+        columns = camera[:, None] * 6 + np.arange(6)
+        columns = np.concatenate([columns, 6 * len(self.fixed) + group[:, None]], axis=1)
+        rows = np.repeat(np.arange(2 * n), 7)
+        columns = np.repeat(columns[:, None], 2, axis=1)
+        shape = (2 * n, 6 * len(self.fixed) + len(lenses.log_focal))
+        return sparse.csr_matrix(((blocks * free[:, None]).ravel(), (rows, columns.ravel())), shape)
+
+
+def scaled_focal(k: Intrinsics, factor: float) -> Intrinsics:
+    """`k` with both focal lengths times `factor`."""
+    return replace(k, fx=k.fx * factor, fy=k.fy * factor)
 
 
 def _cross_matrices(v: Array) -> Array:
@@ -160,11 +217,3 @@ def _cross_matrices(v: Array) -> Array:
     out[:, 1, 0], out[:, 1, 2] = v[:, 2], -v[:, 0]
     out[:, 2, 0], out[:, 2, 1] = -v[:, 1], v[:, 0]
     return out
-
-
-def _scattered(blocks: Array, camera: NDArray[np.intp], count: int) -> sparse.csr_matrix:
-    """(2 n, 6 count) sparse matrix of (n, 2, 6) blocks, each in the columns of its camera."""
-    n = len(blocks)
-    rows = np.repeat(np.arange(2 * n), 6)
-    columns = np.repeat(camera * 6, 12) + np.tile(np.arange(6), 2 * n)
-    return sparse.csr_matrix((blocks.ravel(), (rows, columns)), shape=(2 * n, 6 * count))

@@ -16,10 +16,11 @@ from texproj.photo import Photo
 from texproj.project import Project
 from texproj.records import CameraRecord
 from texproj.register.refine import Refined, refine
+from texproj.render import GBuffer
 from texproj.stages.bench import Workbench
 from texproj.stages.freshness import Freshness, Inputs, changed_inputs, file_inputs, options_inputs
 from texproj.stages.progress import Progress, silent
-from texproj.stages.registering import START_KEY
+from texproj.stages.registering import START_KEY, start_of
 
 STAGE = "refine"
 VERSION = 1
@@ -96,10 +97,23 @@ def _refine(bench: Workbench, before: Mapping[str, CameraRecord], fixed: list[bo
     def load(number: int, longest: int) -> Photo:
         return project.load_photo(names[number], longest)
 
+    lenses = [_lens(project, name, record) for name, record in before.items()]
     options = project.settings.options("refine")
-    return refine(
-        cameras, sigma, fixed, load, lambda c: bench.plain_scene.gbuffer(c, CHANNELS), options
-    )
+
+    def render(camera: Camera) -> GBuffer:
+        return bench.plain_scene.gbuffer(camera, CHANNELS)
+
+    return refine(cameras, sigma, fixed, lenses, load, render, options)
+
+
+def _lens(project: Project, name: str, record: CameraRecord) -> str:
+    """What the photos taken through the same lens at the same zoom have in common."""
+    start = start_of(record)
+    if start is not None and start.intrinsics is not None:
+        return repr(start.intrinsics)
+    info = project.photo_info(name)
+    longer, shorter = max(info.width, info.height), min(info.width, info.height)
+    return repr((info.camera_body, longer, shorter, info.focal_px))
 
 
 def _camera(record: CameraRecord) -> Camera:
@@ -129,8 +143,10 @@ def _records(
                 "expected_error_px": round(float(refined.expected_error_px[k]), 3),
                 "moved_px": round(float(refined.motion_px[k]), 3),
             }
-            pose = refined.cameras[k].pose
-            record = replace(record, pose=pose, quality=quality, extra=extra)
+            camera = refined.cameras[k]
+            record = replace(
+                record, intrinsics=camera.intrinsics, pose=camera.pose, quality=quality, extra=extra
+            )
         out.append(record)
     return out
 
