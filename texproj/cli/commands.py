@@ -10,8 +10,10 @@ from cyclopts import App, Parameter
 
 from texproj import __version__
 from texproj.cli import talk
-from texproj.cli.flags import apply_flags, flags_for
-from texproj.cli.main import DONE, SOME_FAILED
+from texproj.cli.exchange import export, import_
+from texproj.cli.flags import flags_for
+from texproj.cli.main import DONE
+from texproj.cli.shared import Folder, Json, Verbose, exit_code, open_project
 from texproj.errors import UsageError
 from texproj.project import Project, create_project
 
@@ -20,12 +22,6 @@ app.help = (
     "Color a 3D mesh from loose photographs: register each photo to the mesh, "
     "project its color, write the model."
 )
-
-Folder = Annotated[Path, Parameter(name="DIR", help="The project folder.", show_default=False)]
-Json = Annotated[bool, Parameter(name="--json", negative="", help="Print the outcome as JSON.")]
-Verbose = Annotated[
-    bool, Parameter(name=["--verbose", "-v"], negative="", help="Tell what happens inside.")
-]
 
 if TYPE_CHECKING:
     RegisterFlags: TypeAlias = Any
@@ -90,7 +86,7 @@ def register(
     from texproj.stages.bench import Workbench  # noqa: PLC0415
     from texproj.stages.registering import register_photos  # noqa: PLC0415
 
-    project = _open(folder, flags, verbose)
+    project = open_project(folder, flags, verbose)
     names = _matching(project, photos)
     with Workbench(project) as bench, talk.progress_bars() as progress:
         outcomes = register_photos(bench, names, progress)
@@ -100,15 +96,7 @@ def register(
         for outcome in outcomes:
             talk.say(_photo_line(outcome))
     failed = [o for o in outcomes if o.failed]
-    return _exit_code(len(failed), len(outcomes), "registered")
-
-
-def _open(folder: Path, flags: Any, verbose: bool) -> Project:
-    talk.talk_about_details(verbose)
-    project = Project.open(folder)
-    project = project.with_settings(apply_flags(project.settings, flags))
-    project.remove_unfinished()
-    return project
+    return exit_code(len(failed), len(outcomes), "registered")
 
 
 def _matching(project: Project, pattern: str) -> list[str]:
@@ -141,12 +129,6 @@ def _photo_line(outcome: Any) -> str:
     return f"{outcome.name}: {kept}{record.status} by {record.method}{accuracy}{note}"
 
 
-def _exit_code(failed: int, total: int, verb: str) -> int:
-    if failed:
-        talk.complain(f"{failed} of {total} photos could not be {verb}; the reasons are above")
-    return SOME_FAILED if failed else DONE
-
-
 @app.command
 def color(
     folder: Folder,
@@ -163,14 +145,14 @@ def color(
     from texproj.stages.bench import Workbench  # noqa: PLC0415
     from texproj.stages.coloring import color_project  # noqa: PLC0415
 
-    project = _open(folder, flags, verbose)
+    project = open_project(folder, flags, verbose)
     with Workbench(project) as bench, talk.progress_bars() as progress:
         outcome = color_project(bench, progress)
     if json:
         talk.say_json({**vars(outcome), "folder": str(project.out)})
     else:
         _say_color(project, outcome)
-    return _exit_code(len(outcome.failed), len(outcome.failed) + len(outcome.used), "used")
+    return exit_code(len(outcome.failed), len(outcome.failed) + len(outcome.used), "used")
 
 
 @app.command
@@ -189,7 +171,7 @@ def refine(
     from texproj.stages.bench import Workbench  # noqa: PLC0415
     from texproj.stages.refining import refine_project  # noqa: PLC0415
 
-    project = _open(folder, flags, verbose)
+    project = open_project(folder, flags, verbose)
     with Workbench(project) as bench, talk.progress_bars() as progress:
         outcome = refine_project(bench, progress)
     if json:
@@ -200,7 +182,7 @@ def refine(
         for name, reason in outcome.thrown_out.items():
             talk.say(f"{name}: FAILED: {reason}")
     total = len(outcome.moved_px) + len(outcome.thrown_out)
-    return _exit_code(len(outcome.thrown_out), total, "refined")
+    return exit_code(len(outcome.thrown_out), total, "refined")
 
 
 @app.command
@@ -219,7 +201,7 @@ def run(
     from texproj.stages.bench import Workbench  # noqa: PLC0415
     from texproj.stages.running import run_project  # noqa: PLC0415
 
-    project = _open(folder, flags, verbose)
+    project = open_project(folder, flags, verbose)
     with Workbench(project) as bench, talk.progress_bars() as progress:
         outcome = run_project(bench, progress)
     if json:
@@ -244,7 +226,7 @@ def run(
         talk.say(f"report: {outcome.report.files[0]}")
     if outcome.color is None:
         talk.complain(outcome.reason)
-    return _exit_code(len(outcome.failed), len(outcome.photos), "used")
+    return exit_code(len(outcome.failed), len(outcome.photos), "used")
 
 
 @app.command
@@ -255,7 +237,7 @@ def status(folder: Folder, /, *, json: Json = False, verbose: Verbose = False) -
     """
     from texproj.stages.running import project_status  # noqa: PLC0415
 
-    states = project_status(_open(folder, None, verbose))
+    states = project_status(open_project(folder, None, verbose))
     if json:
         talk.say_json({"items": [vars(state) for state in states]})
         return DONE
@@ -282,7 +264,7 @@ def report(
     from texproj.stages.bench import Workbench  # noqa: PLC0415
     from texproj.stages.reporting import report_project  # noqa: PLC0415
 
-    project = _open(folder, flags, verbose)
+    project = open_project(folder, flags, verbose)
     with Workbench(project) as bench, talk.progress_bars() as progress:
         outcome = report_project(bench, progress)
     if json:
@@ -301,9 +283,13 @@ def preview(folder: Folder, /, *, flags: PreviewFlags = None, verbose: Verbose =
     """
     from texproj.preview.server import serve  # noqa: PLC0415
 
-    project = _open(folder, flags, verbose)
+    project = open_project(folder, flags, verbose)
     serve(project.root, project.settings.options("preview"))
     return DONE
+
+
+app.command(import_, name="import")
+app.command(export)
 
 
 @app.command

@@ -1,0 +1,110 @@
+"""Meshroom's (AliceVision's) .sfm in JSON, file versions up to 1.2.x (sfmDataIO/jsonIO.cpp).
+
+All values are texts. Rotation: nine numbers by columns, cam_from_world. Up to 1.2.0 the principal
+point counts from the image corner, from 1.2.1 on from its center; from 1.2.2 on the focal length is
+in mm of a sensor width.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from texproj.camera import Camera, Intrinsics, Pose
+from texproj.errors import InputError
+from texproj.formats.interchange.model import (
+    ForeignCamera,
+    ForeignModel,
+    SizeOf,
+    Unusable,
+    lens,
+    number,
+    numbers,
+    pose_at,
+    rotation,
+)
+from texproj.formats.interchange.text import member, members, read_json
+
+Version = tuple[int, ...]
+FROM_CENTER, IN_MM = (1, 2, 1), (1, 2, 2)
+DISTORTIONS = {
+    "pinhole": 0, "none": 0, "radial1": 1, "radialk1": 1, "radial3": 3, "radialk3": 3, "brown": 5,
+}  # fmt: skip
+"""Counts of coefficients: k1 k2 k3 t1 t2, or the first of them."""
+
+
+def read_meshroom(path: Path, size_of: SizeOf) -> ForeignModel:
+    """The views of a .sfm that have a pose; the others are refused. Raises InputError."""
+    content = read_json(path)
+    version = _version(content, path)
+    lenses = {
+        str(member(raw, "intrinsicId", f"{path}")): raw
+        for raw in members(content, "intrinsics", f"{path}")
+    }
+    poses = {str(member(raw, "poseId", f"{path}")): raw for raw in content.get("poses") or ()}
+    found, refused = [], {}
+    for view in members(content, "views", f"{path}"):
+        name = str(member(view, "path", f"{path}, view"))
+        where = f"{path}, {name}"
+        try:
+            pose = _pose(poses.get(str(view.get("poseId"))), where)
+            intrinsics = _lens(lenses.get(str(view.get("intrinsicId"))), version, where)
+            found.append(ForeignCamera(name, Camera(intrinsics, pose)))
+        except Unusable as reason:
+            refused[name] = str(reason)
+    return ForeignModel(tuple(found), refused)
+
+
+def _version(content: dict[str, Any], path: Path) -> Version:
+    words = members(content, "version", f"{path}")
+    version = tuple(int(number(word, f"{path}, version")) for word in words)
+    if version >= (1, 3):
+        told = ".".join(map(str, version))
+        raise InputError(f"{path}: version {told} of the format is not known; export as COLMAP")
+    return version
+
+
+def _pose(raw: Any, where: str) -> Pose:
+    if raw is None:
+        raise Unusable("it has no pose there")
+    transform = member(member(raw, "pose", where), "transform", where)
+    by_columns = numbers(member(transform, "rotation", where), 9, f"{where}, rotation")
+    center = numbers(member(transform, "center", where), 3, f"{where}, center")
+    return pose_at(rotation(by_columns.reshape(3, 3).T, where), center)
+
+
+def _lens(raw: Any, version: Version, where: str) -> Intrinsics:
+    if raw is None:
+        raise Unusable("it has no lens there")
+    model = str(raw.get("type", ""))
+    if model == "pinhole" and raw.get("distortionType"):
+        model = str(raw["distortionType"])
+    if model not in DISTORTIONS:
+        raise Unusable(f"its lens model {model} is not one of OpenCV's; undistort the photos")
+    width, height = (
+        number(member(raw, key, where), f"{where}, {key}") for key in ("width", "height")
+    )
+    cx, cy = numbers(member(raw, "principalPoint", where), 2, f"{where}, principalPoint")
+    if version >= FROM_CENTER:
+        cx, cy = cx + width / 2, cy + height / 2
+    count = DISTORTIONS[model]
+    given = (
+        numbers(raw.get("distortionParams"), count, f"{where}, distortionParams") if count else ()
+    )
+    k1, k2, k3, p1, p2 = (*given, *(0.0,) * 5)[:5]
+    return lens(width, height, _focal(raw, version, width, where), (cx, cy), (k1, k2, p1, p2, k3))
+
+
+def _focal(raw: dict[str, Any], version: Version, width: float, where: str) -> Any:
+    if version >= IN_MM:
+        if number(raw.get("pixelRatio", 1), f"{where}, pixelRatio") != 1:
+            raise Unusable("its pixels are not square, which is not read from this format")
+        focal_mm = number(member(raw, "focalLength", where), f"{where}, focalLength")
+        sensor_mm = number(member(raw, "sensorWidth", where), f"{where}, sensorWidth")
+        if sensor_mm <= 0:
+            raise Unusable("its sensor has no width")
+        return focal_mm / sensor_mm * width
+    focal = member(raw, "pxFocalLength", where)
+    if isinstance(focal, list):
+        return numbers(focal, 2, f"{where}, pxFocalLength")
+    return number(focal, f"{where}, pxFocalLength")

@@ -1,0 +1,213 @@
+"""Camera XML of Agisoft Metashape (and PhotoScan from 1.2 on).
+
+``u = width/2 + cx + x' f + x' b1 + y' b2``, ``v = height/2 + cy + y' f`` with
+``x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6 + k4 r^8) + p1 (r^2 + 2 x^2) + 2 p2 x y`` and
+``y' = y (...) + p2 (r^2 + 2 y^2) + 2 p1 x y`` (Metashape manual, appendix on camera models):
+OpenCV's p1 and p2 with their names exchanged; pixels as ours. Coefficients that are zero are not
+written.
+A camera's transform is chunk_from_cam with OpenCV's axes; the chunk's or the component's own
+transform (scale, rotation, translation) leads on to the world.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from texproj.camera import Camera, Intrinsics
+from texproj.errors import InputError
+from texproj.formats.interchange.model import (
+    Array,
+    ForeignCamera,
+    ForeignModel,
+    Shot,
+    SizeOf,
+    Unusable,
+    Written,
+    five,
+    left_out,
+    lens,
+    number,
+    numbers,
+    pose_at,
+    rotation,
+    sentences,
+    words,
+)
+from texproj.formats.interchange.radial import with_fourth_order
+from texproj.formats.interchange.text import read_xml
+
+VERSION = "2.0.0"
+
+
+@dataclass(frozen=True, eq=False)
+class _Similarity:
+    """``x_in_world = scale R x_in_chunk + t``."""
+
+    scale: float
+    R: Array
+    t: Array
+
+
+IDENTITY = _Similarity(1.0, np.eye(3), np.zeros(3))
+Sensor = tuple[Intrinsics, str] | Unusable
+"""Lens and a note, or why there is none."""
+
+
+def read_metashape(path: Path, size_of: SizeOf) -> ForeignModel:
+    """The cameras of all chunks, in the world that the chunk's transform leads to.
+
+    Cameras that are not aligned are refused. Raises InputError for broken files.
+    """
+    root = read_xml(path)
+    chunks = [root] if root.tag == "chunk" else root.findall("chunk")
+    if not chunks:
+        raise InputError(f"{path}: not a Metashape camera file (no <chunk> in it)")
+    found: list[ForeignCamera] = []
+    refused: dict[str, str] = {}
+    for chunk in chunks:
+        where = f"{path}"
+        sensors = {s.get("id"): _sensor(s, where) for s in chunk.iterfind("sensors/sensor")}
+        worlds = {
+            c.get("id"): _similarity(c, where) for c in chunk.iterfind("components/component")
+        }
+        own = _similarity(chunk, where)
+        for camera in chunk.iterfind("cameras//camera"):
+            name = camera.get("label") or f"camera {camera.get('id')}"
+            world = worlds.get(camera.get("component_id")) or own or IDENTITY
+            try:
+                found.append(_camera(camera, sensors, world, f"{path}, {name}"))
+            except Unusable as reason:
+                refused[name] = str(reason)
+    return ForeignModel(tuple(found), refused, notes=_notes(chunks))
+
+
+def write_metashape(shots: Sequence[Shot]) -> Written:
+    """A file of one chunk; photos with the same lens share a sensor. Rational and prism terms of
+    the lens are left out.
+    """
+    document = ET.Element("document", version=VERSION)
+    chunk = ET.SubElement(document, "chunk", label="texproj", enabled="true")
+    lenses = list(dict.fromkeys(shot.camera.intrinsics for shot in shots))
+    sensors = ET.SubElement(chunk, "sensors", next_id=str(len(lenses)))
+    for i, k in enumerate(lenses):
+        _write_sensor(sensors, i, k)
+    cameras = ET.SubElement(chunk, "cameras", next_id=str(len(shots)), next_group_id="0")
+    for i, shot in enumerate(shots):
+        sensor = str(lenses.index(shot.camera.intrinsics))
+        camera = ET.SubElement(cameras, "camera", id=str(i), sensor_id=sensor, label=shot.name)
+        inverse = shot.camera.pose.inverse
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = inverse.R, inverse.t
+        ET.SubElement(camera, "transform").text = words(matrix.ravel())
+    ET.indent(document)
+    content = ET.tostring(document, encoding="utf-8", xml_declaration=True) + b"\n"
+    notes = {shot.name: note for shot in shots if (note := _lost(shot.camera.intrinsics))}
+    return Written({"cameras.xml": content}, notes)
+
+
+def _similarity(holder: ET.Element, where: str) -> _Similarity | None:
+    transform = holder.find("transform")
+    if transform is None or transform.find("rotation") is None:
+        return None
+    R = numbers(transform.findtext("rotation"), 9, f"{where}, rotation of the chunk")
+    t = numbers(transform.findtext("translation", "0 0 0"), 3, f"{where}, translation of the chunk")
+    scale = number(transform.findtext("scale", "1"), f"{where}, scale of the chunk")
+    if scale <= 0:
+        raise InputError(f"{where}, scale of the chunk: must be positive")
+    return _Similarity(scale, rotation(R, f"{where}, rotation of the chunk"), t)
+
+
+def _sensor(sensor: ET.Element, where: str) -> Sensor:
+    calibrations = sensor.findall("calibration")
+    adjusted = [c for c in calibrations if c.get("class", "adjusted") == "adjusted"]
+    if not calibrations:
+        return Unusable("its sensor has no calibration")
+    best = (adjusted or calibrations)[0]
+    kind = best.get("type", sensor.get("type", "frame"))
+    if kind != "frame":
+        return Unusable(
+            f"its lens is of type {kind}, not frame; export undistorted photos from Metashape"
+        )
+    size = best.find("resolution")
+    size = sensor.find("resolution") if size is None else size
+    if size is None:
+        return Unusable("its sensor has no resolution")
+    where = f"{where}, sensor {sensor.get('id')}"
+    width, height = (number(size.get(key), f"{where}, resolution") for key in ("width", "height"))
+    try:
+        return _lens(best, width, height, where)
+    except Unusable as reason:
+        return reason
+
+
+def _lens(
+    calibration: ET.Element, width: float, height: float, where: str
+) -> tuple[Intrinsics, str]:
+    if calibration.find("f") is None:
+        raise InputError(f"{where}: no focal length <f> (a version before PhotoScan 1.2?)")
+
+    def value(key: str) -> float:
+        return number(calibration.findtext(key, "0"), f"{where}, {key}")
+
+    f, k4, b2 = value("f"), value("k4"), value("b2")
+    center = width / 2 + value("cx"), height / 2 + value("cy")
+    dist = (value("k1"), value("k2"), value("p2"), value("p1"), value("k3"))
+    intrinsics, note = with_fourth_order(
+        lens(width, height, (f + value("b1"), f), center, dist), k4
+    )
+    if not b2:
+        return intrinsics, note
+    skew = abs(b2) * height / 2 / f
+    return intrinsics, sentences([note, f"skew b2 = {b2:.6g} is ignored: up to {skew:.2g} px"])
+
+
+def _camera(
+    camera: ET.Element, sensors: dict[str | None, Sensor], world: _Similarity, where: str
+) -> ForeignCamera:
+    text = camera.findtext("transform")
+    if text is None:
+        raise Unusable("it is not aligned there")
+    sensor = sensors.get(camera.get("sensor_id"), Unusable("its sensor is missing in the file"))
+    if isinstance(sensor, Unusable):
+        raise sensor
+    chunk_from_cam = numbers(text, 16, f"{where}, transform").reshape(4, 4)
+    R = (world.R @ rotation(chunk_from_cam[:3, :3], where)).T
+    center = world.scale * world.R @ chunk_from_cam[:3, 3] + world.t
+    intrinsics, note = sensor
+    name = camera.get("label") or f"camera {camera.get('id')}"
+    return ForeignCamera(name, Camera(intrinsics, pose_at(R, center)), (note,) if note else ())
+
+
+def _notes(chunks: Sequence[ET.Element]) -> tuple[str, ...]:
+    systems = [(chunk.findtext("reference") or "").strip() for chunk in chunks]
+    if not any(s.startswith(("GEOGCS", "PROJCS", "COMPD_CS", "GEOCCS")) for s in systems):
+        return ()
+    return (
+        "the chunk is georeferenced: its cameras are in geocentric coordinates;"
+        " the mesh must be exported in the same system",
+    )
+
+
+def _write_sensor(sensors: ET.Element, number_: int, k: Intrinsics) -> None:
+    sensor = ET.SubElement(sensors, "sensor", id=str(number_), label="unknown", type="frame")
+    size = {"width": str(k.width), "height": str(k.height)}
+    ET.SubElement(sensor, "resolution", size)
+    calibration = ET.SubElement(sensor, "calibration", {"type": "frame", "class": "adjusted"})
+    ET.SubElement(calibration, "resolution", size)
+    k1, k2, p1, p2, k3 = five(k.dist)
+    values = {
+        "f": k.fy, "cx": k.cx - k.width / 2, "cy": k.cy - k.height / 2, "b1": k.fx - k.fy,
+        "k1": k1, "k2": k2, "k3": k3, "p1": p2, "p2": p1,
+    }  # fmt: skip
+    for key, value in values.items():
+        if value:
+            ET.SubElement(calibration, key).text = repr(float(value))
+
+
+def _lost(k: Intrinsics) -> str:
+    return left_out({f"dist[{i}]": v for i, v in enumerate(k.dist) if i > 4})

@@ -1,0 +1,144 @@
+"""What a camera file of another program says, in our conventions, and what we write for one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from texproj.camera import Camera, Intrinsics, Pose
+from texproj.errors import InputError
+
+Array = NDArray[np.float64]
+
+SizeOf = Callable[[str], tuple[int, int] | None]
+"""Width and height of the photo that a file names; None for a photo that is not at hand."""
+
+Y_AND_Z_FLIPPED = np.diag([1.0, -1.0, -1.0])
+"""Between OpenCV's camera axes (y down, z forward) and OpenGL's (y up, z backward)."""
+
+ROTATION_TOLERANCE = 1e-3
+"""Largest error of R @ R.T against the identity; four printed digits stay below."""
+
+CLEAN_ROTATION = 1e-12
+"""Rotations as exact as this keep every bit."""
+
+
+@dataclass(frozen=True, eq=False)
+class ForeignCamera:
+    """The camera of the photo that the file calls `name`, maybe with folders, maybe without
+    an ending; notes: what was lost or assumed, one sentence each.
+    """
+
+    name: str
+    camera: Camera
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class ForeignModel:
+    """All that a file tells. refused: photos without a camera that we can use, and why;
+    absent: photos that cannot be looked up because the file tells no size of its own.
+    """
+
+    cameras: tuple[ForeignCamera, ...]
+    refused: dict[str, str] = field(default_factory=dict)
+    absent: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """A photo to be written: its file name, its path as seen from the new file, its camera."""
+
+    name: str
+    path: str
+    camera: Camera
+
+
+@dataclass(frozen=True, eq=False)
+class Written:
+    """Contents of the new files by name, and by photo what the format could not express."""
+
+    files: dict[str, bytes]
+    notes: dict[str, str] = field(default_factory=dict)
+
+
+class Unusable(Exception):  # noqa: N818 - turned into an entry of `refused`
+    """A camera that cannot be brought to our model; the text says why."""
+
+
+def pose_at(R: ArrayLike, center: ArrayLike) -> Pose:
+    """The pose with rotation `R` (cam_from_world) whose projection center is `center`, world."""
+    R = np.asarray(R, np.float64)
+    return Pose(R, -R @ np.asarray(center, np.float64))
+
+
+def rotation(values: ArrayLike, where: str) -> Array:
+    """(3, 3) rotation next to `values` as printed. Raises InputError if they are none."""
+    R = np.asarray(values, np.float64).reshape(3, 3)
+    error = np.abs(R @ R.T - np.eye(3)).max()
+    if not error < ROTATION_TOLERANCE or np.linalg.det(R) < 0:
+        raise InputError(f"{where}: not a rotation (orthonormal rows, determinant +1)")
+    if error < CLEAN_ROTATION:
+        return R
+    u, _, vt = np.linalg.svd(R)
+    return np.asarray(u @ vt)
+
+
+def numbers(text: str | Sequence[Any] | None, count: int, where: str) -> Array:
+    """(count,) finite numbers of a text or list. Raises InputError that names `where`."""
+    words = text.split() if isinstance(text, str) else list(text or ())
+    try:
+        values = np.array([float(word) for word in words])
+    except (TypeError, ValueError):
+        values = np.full(1, np.nan)
+    if len(values) != count or not np.isfinite(values).all():
+        raise InputError(f"{where}: {count} numbers expected")
+    return values
+
+
+def number(value: Any, where: str) -> float:
+    """One finite number. Raises InputError that names `where`."""
+    return float(numbers([value], 1, where)[0])
+
+
+def words(values: Iterable[float]) -> str:
+    """Numbers as text that gives back every bit."""
+    return " ".join(repr(float(value)) for value in values)
+
+
+def lens(
+    width: float, height: float, f: ArrayLike, c: ArrayLike, dist: ArrayLike = (0.0,) * 5
+) -> Intrinsics:
+    """Intrinsics of focal lengths (1 or 2) and principal point, pixels from the image corner.
+
+    Raises Unusable for values that no camera has.
+    """
+    fx, fy = np.broadcast_to(np.asarray(f, float), 2)
+    cx, cy = np.asarray(c, float)
+    coefficients = tuple(np.asarray(dist, float))
+    try:
+        return Intrinsics(int(width), int(height), fx, fy, cx, cy, coefficients)
+    except ValueError as error:
+        raise Unusable(str(error)) from None
+
+
+def five(dist: Sequence[float]) -> tuple[float, float, float, float, float]:
+    """k1 k2 p1 p2 k3 of an OpenCV distortion of any length."""
+    k1, k2, p1, p2, k3 = (*dist, *(0.0,) * 5)[:5]
+    return k1, k2, p1, p2, k3
+
+
+def left_out(terms: Mapping[str, float], threshold: float = 0.0) -> str:
+    """A sentence about terms that a format has no place for; empty if none matters."""
+    lost = [f"{name} = {value:.6g}" for name, value in terms.items() if abs(value) > threshold]
+    return f"the format has no place for {', '.join(lost)}" if lost else ""
+
+
+def sentences(parts: Iterable[str]) -> str:
+    """The parts that say something, joined."""
+    return "; ".join(part for part in parts if part)

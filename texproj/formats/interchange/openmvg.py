@@ -1,0 +1,115 @@
+"""openMVG's sfm_data.json: https://openmvg.readthedocs.io (SfM_data format, cameras).
+
+Poses are rotation (cam_from_world, OpenCV's axes) and center. Lenses: pinhole, pinhole_radial_k1,
+pinhole_radial_k3 (k1 k2 k3), pinhole_brown_t2 (k1 k2 k3 t1 t2, OpenCV's p1 p2). The principal point
+is read as counting from the image corner, as openMVG's own exporter to COLMAP takes it.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from texproj.camera import Camera, Intrinsics, Pose
+from texproj.errors import InputError
+from texproj.formats.interchange.model import (
+    ForeignCamera,
+    ForeignModel,
+    SizeOf,
+    Unusable,
+    lens,
+    number,
+    numbers,
+    pose_at,
+    rotation,
+)
+from texproj.formats.interchange.text import member, members, read_json
+
+LOW_BITS = 0x3FFFFFFF
+"""cereal marks the first object of each type in the upper bits of its number."""
+
+Lens = Intrinsics | Unusable
+DISTORTIONS = {
+    "pinhole": ("", 0), "pinhole_radial_k1": ("disto_k1", 1),
+    "pinhole_radial_k3": ("disto_k3", 3), "pinhole_brown_t2": ("disto_t2", 5),
+}  # fmt: skip
+
+
+def read_openmvg(path: Path, size_of: SizeOf) -> ForeignModel:
+    """The views of a sfm_data.json that have a pose; the others are refused.
+
+    Raises InputError for broken files.
+    """
+    content = read_json(path)
+    lenses = _lenses(content, path)
+    poses = _poses(content, path)
+    found, refused = [], {}
+    for entry in members(content, "views", f"{path}"):
+        view = _data(member(entry, "value", f"{path}, view"), f"{path}, view")
+        name = str(member(view, "filename", f"{path}, view"))
+        where = f"{path}, {name}"
+        pose = poses.get(member(view, "id_pose", where))
+        intrinsics = lenses.get(
+            member(view, "id_intrinsic", where), Unusable("it has no lens there")
+        )
+        if pose is None:
+            refused[name] = "it has no pose there"
+        elif isinstance(intrinsics, Unusable):
+            refused[name] = str(intrinsics)
+        else:
+            found.append(ForeignCamera(name, Camera(intrinsics, pose)))
+    return ForeignModel(tuple(found), refused)
+
+
+def _data(value: Any, where: str) -> dict[str, Any]:
+    """The fields of a serialized object, those of its base class among them."""
+    data = member(member(value, "ptr_wrapper", where), "data", where)
+    if not isinstance(data, dict):
+        raise InputError(f"{where}: 'data' must be an object")
+    base = data.get("value0")
+    return {**base, **data} if isinstance(base, dict) else data
+
+
+def _lenses(content: dict[str, Any], path: Path) -> dict[Any, Lens]:
+    lenses: dict[Any, Lens] = {}
+    names: dict[int, str] = {}
+    for entry in members(content, "intrinsics", f"{path}"):
+        key = member(entry, "key", f"{path}, intrinsics")
+        where = f"{path}, intrinsic {key}"
+        value = member(entry, "value", where)
+        type_number = int(number(value.get("polymorphic_id", 0), where)) & LOW_BITS
+        if "polymorphic_name" in value:
+            names[type_number] = str(value["polymorphic_name"])
+        try:
+            lenses[key] = _lens(names.get(type_number, "unknown"), _data(value, where), where)
+        except Unusable as reason:
+            lenses[key] = reason
+    return lenses
+
+
+def _lens(model: str, data: dict[str, Any], where: str) -> Intrinsics:
+    if model not in DISTORTIONS:
+        raise Unusable(f"its lens model {model} is not one of OpenCV's; undistort the photos")
+    key, count = DISTORTIONS[model]
+    k1, k2, k3, p1, p2 = (*(numbers(data.get(key), count, f"{where}, {key}") if key else ()),
+                          *(0.0,) * 5)[:5]  # fmt: skip
+    width, height, focal = (
+        number(member(data, name, where), f"{where}, {name}")
+        for name in ("width", "height", "focal_length")
+    )
+    center = numbers(member(data, "principal_point", where), 2, f"{where}, principal_point")
+    return lens(width, height, focal, center, (k1, k2, p1, p2, k3))
+
+
+def _poses(content: dict[str, Any], path: Path) -> dict[Any, Pose]:
+    poses = {}
+    for entry in members(content, "extrinsics", f"{path}"):
+        key = member(entry, "key", f"{path}, extrinsics")
+        where = f"{path}, pose {key}"
+        value = member(entry, "value", where)
+        rows = [numbers(row, 3, where) for row in members(value, "rotation", where)]
+        center = numbers(member(value, "center", where), 3, f"{where}, center")
+        if len(rows) != 3:
+            raise InputError(f"{where}: a rotation of 3 rows expected")
+        poses[key] = pose_at(rotation(rows, where), center)
+    return poses

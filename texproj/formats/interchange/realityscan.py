@@ -1,0 +1,145 @@
+"""RealityScan's (RealityCapture's) "Internal/External camera parameters" CSV.
+
+With heading, pitch, roll all zero the camera looks down (-z) with its top to north (+y). In general
+``world_from_cam = Rz(-heading) Rx(pitch) Ry(roll)`` for camera axes x right, y up, z backward
+("Registration export and camera orientations", forums.unrealengine.com; so does nerfstudio).
+Focal length: 35 mm equivalent over the longer side, ``f max(w, h) / 36`` px. Principal point:
+offset from the image center in units of the longer side. Distortion: Brown's; what t1 and
+t2 multiply is not documented: they are taken as OpenCV's p1 and p2, and a note says so where they
+are not zero.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from texproj.camera import Camera, Intrinsics
+from texproj.errors import InputError
+from texproj.formats.interchange.model import (
+    Y_AND_Z_FLIPPED,
+    Array,
+    ForeignCamera,
+    ForeignModel,
+    Shot,
+    SizeOf,
+    Unusable,
+    Written,
+    five,
+    left_out,
+    lens,
+    number,
+    pose_at,
+    sentences,
+)
+from texproj.formats.interchange.radial import with_fourth_order
+from texproj.formats.interchange.text import read_text
+
+FILM_MM = 36.0
+POSE = ("x", "y", "alt", "heading", "pitch", "roll")
+COLUMNS = ("name", *POSE, "f", "px", "py", "k1", "k2", "k3", "k4", "t1", "t2")
+TANGENTIAL = "t1 and t2 are taken as OpenCV's p1 and p2, which RealityScan does not document"
+
+
+def read_realityscan(path: Path, size_of: SizeOf) -> ForeignModel:
+    """The rows of a camera CSV; image sizes are the photos'. Raises InputError for broken files."""
+    rows = _rows(path)
+    found, refused, absent = [], {}, []
+    for line, row in rows:
+        name = row["name"]
+        size = size_of(name)
+        if size is None:
+            absent.append(name)
+            continue
+        values = {key: number(row[key], f"{path}, line {line}, {key}") for key in COLUMNS[1:]}
+        try:
+            found.append(_camera(name, values, size))
+        except Unusable as reason:
+            refused[name] = str(reason)
+    return ForeignModel(tuple(found), refused, tuple(absent))
+
+
+def write_realityscan(shots: Sequence[Shot]) -> Written:
+    """cameras.csv. Focal lengths are averaged, lens terms beyond k3 are left out."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(["#name", *COLUMNS[1:]])
+    for shot in shots:
+        table.writerow([shot.name, *(repr(float(v)) for v in _values(shot.camera))])
+    notes = {shot.name: note for shot in shots if (note := _lost(shot.camera.intrinsics))}
+    return Written({"cameras.csv": text.getvalue().encode()}, notes)
+
+
+def _rows(path: Path) -> list[tuple[int, dict[str, str]]]:
+    table = csv.reader(io.StringIO(read_text(path)))
+    header = [word.strip().lstrip("#").lower() for word in next(table, [])]
+    missing = [column for column in COLUMNS if column not in header]
+    if missing:
+        raise InputError(
+            f"{path}: no column {missing[0]!r}; export 'Internal/External camera parameters'"
+        )
+    rows = []
+    for words in table:
+        if not any(word.strip() for word in words):
+            continue
+        if len(words) < len(header):
+            raise InputError(f"{path}, line {table.line_num}: {len(header)} values expected")
+        row = dict(zip(header, words, strict=False))
+        rows.append((table.line_num, {**row, "name": row["name"].strip()}))
+    return rows
+
+
+def _camera(name: str, values: dict[str, float], size: tuple[int, int]) -> ForeignCamera:
+    width, height = size
+    longer = max(size)
+    center = width / 2 + values["px"] * longer, height / 2 + values["py"] * longer
+    dist = [values[key] for key in ("k1", "k2", "t1", "t2", "k3")]
+    intrinsics = lens(width, height, values["f"] * longer / FILM_MM, center, dist)
+    intrinsics, note = with_fourth_order(intrinsics, values["k4"])
+    tangential = TANGENTIAL if values["t1"] or values["t2"] else ""
+    angles_rad = np.deg2rad([values[key] for key in ("heading", "pitch", "roll")])
+    pose = pose_at(_rotation(angles_rad), [values[key] for key in ("x", "y", "alt")])
+    said = sentences([note, tangential])
+    return ForeignCamera(name, Camera(intrinsics, pose), (said,) if said else ())
+
+
+def _rotation(angles_rad: Array) -> Array:
+    """(3, 3) cam_from_world of heading, pitch, roll."""
+    (sh, sp, sr), (ch, cp, cr) = np.sin(angles_rad), np.cos(angles_rad)
+    heading = np.array([[ch, sh, 0], [-sh, ch, 0], [0, 0, 1]])
+    pitch = np.array([[1, 0, 0], [0, cp, -sp], [0, sp, cp]])
+    roll = np.array([[cr, 0, sr], [0, 1, 0], [-sr, 0, cr]])
+    return Y_AND_Z_FLIPPED @ (heading @ pitch @ roll).T
+
+
+def _angles_rad(R: Array) -> tuple[float, float, float]:
+    """Heading, pitch, roll of a cam_from_world; exact also where pitch is 90 degrees (a level
+    camera) and heading and roll turn about the same axis: roll makes up for the heading found.
+    """
+    heading = np.arctan2(-R[1, 0], -R[1, 1])
+    pitch = np.arctan2(-R[1, 2], np.hypot(R[1, 0], R[1, 1]))
+    s, c = np.sin(heading), np.cos(heading)
+    roll = np.arctan2(s * R[2, 1] - c * R[2, 0], c * R[0, 0] - s * R[0, 1])
+    return heading, pitch, roll
+
+
+def _values(camera: Camera) -> list[float]:
+    k = camera.intrinsics
+    longer = max(k.width, k.height)
+    k1, k2, p1, p2, k3 = five(k.dist)
+    return [
+        *camera.center, *np.rad2deg(_angles_rad(camera.pose.R)),
+        (k.fx + k.fy) / 2 * FILM_MM / longer,
+        (k.cx - k.width / 2) / longer, (k.cy - k.height / 2) / longer,
+        k1, k2, k3, 0.0, p1, p2,
+    ]  # fmt: skip
+
+
+def _lost(k: Intrinsics) -> str:
+    _, _, p1, p2, _ = five(k.dist)
+    higher = {f"dist[{i}]": v for i, v in enumerate(k.dist) if i > 4}
+    return sentences([left_out({"fx - fy": k.fx - k.fy, **higher}), TANGENTIAL if p1 or p2 else ""])
