@@ -1,0 +1,293 @@
+"""Registration by mutual information: the camera from which normals and ambient occlusion of the
+bare mesh tell most about the photo (Corsini, Dellepiane, Ponchio and Scopigno, Pacific Graphics
+2009). Right for objects of one material under any light; needs a start within a few percent.
+
+Unlike the original, which renders for every evaluation, the rendering's points are projected
+into the photo until the camera has moved far enough to render again (ours).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.camera import Camera
+from texproj.errors import RegistrationError
+from texproj.options import MutualInformationOptions
+from texproj.photo import Correspondences, Photo
+from texproj.records import Fit
+from texproj.register.comparison import Comparison, PhotoLevel
+from texproj.register.structure_start import motion_px
+from texproj.register.structure_view import Render
+from texproj.register.verdict import Verdict, verify
+from texproj.solve.lm import FAR, Loss
+from texproj.solve.pose_search import CameraSteps, Found, curvature, maximize
+from texproj.solve.reprojection import projection_jacobian
+
+Array = NDArray[np.float64]
+
+PROBES = 300
+INDEPENDENT_PX = 12.0
+"""Distance, pixels of a level, at which two samples tell something of their own: shading changes
+from one part of the surface to the next, not from pixel to pixel."""
+PICK_SCALE = 3.0
+"""Cauchy scale of picks in their standard deviations: a gross error must not decide."""
+
+
+@dataclass(frozen=True)
+class Round:
+    """One search at one size: part of the working size, first and last step and reach in its
+    pixels, evaluations; spread: distance at which other starts are tried first, 0 = none.
+    """
+
+    size: float
+    first: float
+    last: float
+    reach: float
+    evaluations: int
+    spread: float = 0.0
+
+
+COARSE = (Round(0.25, 4, 0.2, 25, 100, spread=5.0), Round(0.25, 1.5, 0.2, 10, 60))
+MIDDLE = (Round(0.5, 2, 0.1, 12, 80),)
+FINE = Round(1.0, 1.5, 0.05, 8, 90)
+STILL = 0.0004
+"""Motion, as a share of the width, below which a further fine round is not worth it."""
+MOST_FINE = 4
+SCATTERED, FOLLOWED = 120, 2
+"""Places tried around the start, and how many of the best are followed."""
+RESTARTS, ASIDE = 2, 0.01
+"""Searches that start again beside the result, and how far, as a share of the width."""
+AGREED = 0.003
+"""Distance between their ends, as a share of the width, that still counts as the same."""
+SYSTEMATIC = 0.0014
+"""What light from one side shifts, as a share of the width (synthetic matte objects)."""
+LEAST_SUPPORT, ENOUGH_PATCHES = 0.15, 100
+"""Share of structure in place below which the result is by chance, if there are so many patches."""
+CURVATURE_STEP_PX, LEAST_CURVATURE = 2.0, 0.01
+"""Step of the differences, and least curvature that is believed (nats per squared pixel)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """One photo to be registered, with all that stays the same meanwhile."""
+
+    photo: Photo
+    render: Render
+    options: MutualInformationOptions
+    picks: Correspondences | None = None
+
+    def level(self, size: float) -> PhotoLevel:
+        longest = min(self.options.working_px, max(self.photo.width, self.photo.height))
+        return PhotoLevel.of(self.photo, size * longest, self.options.gradients)
+
+    def comparison(self, camera: Camera, size: float) -> Comparison | None:
+        return Comparison.at(self.level(size), camera, self.render, self.options)
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """camera: full size; information: bits at its end; evaluations: so far."""
+
+    camera: Camera
+    information: float
+    evaluations: int
+
+
+def register_mutual_information(
+    photo: Photo,
+    prior: Camera,
+    render: Render,
+    options: MutualInformationOptions | None = None,
+    picks: Correspondences | None = None,
+) -> Fit:
+    """The camera of `photo` uphill from `prior` (full size), and whether to believe it.
+
+    photo: may be reduced, its mask is respected; render: depth, normal, ambient occlusion (and
+    front) of the mesh for a camera; picks: full-size pixels, joined with the information by
+    their weights (after Sottile et al., "Mutual correspondences", 2010, but both terms are log
+    likelihoods, so that neither needs a factor). Raises RegistrationError if the mesh is not in
+    view from the start.
+    """
+    task = Task(photo, render, options or MutualInformationOptions(), picks)
+    before = _required(task, prior)
+    found = settled(task, ascend(task, prior, (*COARSE, *MIDDLE)))
+    shown = _required(task, found.camera)
+    apart = tuple(_restarted_apart(task, shown, found.camera, seed) for seed in range(RESTARTS))
+    verdict = verify(photo, found.camera, render)
+    proof = Evidence(before.information(before.camera), found, apart, verdict)
+    return _fit(task, shown, proof)
+
+
+def _required(task: Task, camera: Camera) -> Comparison:
+    comparison = task.comparison(camera, 1.0)
+    if comparison is None:
+        raise RegistrationError(
+            f"{task.photo.info.name}: too little of the mesh is in view of the start camera "
+            "(give a closer start, or pick 4 points)"
+        )
+    return comparison
+
+
+def objective(task: Task, comparison: Comparison, steps: CameraSteps) -> Callable[[Array], float]:
+    """Log likelihood, nats, of the camera a step away, up to a constant."""
+    certain = np.log(2) * independent_samples(comparison)
+
+    def value(step_px: Array) -> float:
+        camera = steps.at(step_px)
+        told = certain * comparison.information(camera)
+        return told - (_pick_cost(task, camera) if task.picks is not None else 0.0)
+
+    return value
+
+
+def independent_samples(comparison: Comparison) -> float:
+    """How many samples of the foreground tell something of their own."""
+    return max(1.0, comparison.area_px / INDEPENDENT_PX**2)
+
+
+def _pick_cost(task: Task, camera: Camera) -> float:
+    """Half the robust sum of squares of the picks' errors in standard deviations."""
+    assert task.picks is not None
+    scale = camera.width / task.photo.info.width
+    longer = max(camera.width, camera.height)
+    sigma = max(task.options.pick_sigma_percent / 100 * longer, 1e-6)
+    gap = camera.project(task.picks.xyz_in_world)[0] - task.picks.xy_px * scale
+    squared = np.nan_to_num((gap**2).sum(axis=1) / sigma**2, nan=FAR**2)
+    return float(0.5 * Loss("cauchy", PICK_SCALE).cost(np.minimum(squared, FAR**2)).sum())
+
+
+def ascend(task: Task, camera: Camera, rounds: Sequence[Round]) -> Outcome:
+    """Uphill from `camera` (full size), rendering anew for each round."""
+    found = Outcome(camera, -np.inf, 0)
+    for turn in rounds:
+        comparison = task.comparison(found.camera, turn.size)
+        if comparison is None:
+            return found
+        found = _climbed(task, comparison, found, turn)
+    return found
+
+
+def _climbed(task: Task, comparison: Comparison, here: Outcome, turn: Round) -> Outcome:
+    points = comparison.points[:: max(1, len(comparison.points) // PROBES)]
+    steps = CameraSteps.around(comparison.camera, points, task.options.focal)
+    value = objective(task, comparison, steps)
+    starts = _spread_starts(value, steps.count, turn.spread) if turn.spread else []
+    tries = [_search(value, np.zeros(steps.count), turn)]
+    tries += [_search(value, start, turn) for start in starts]
+    best = max(tries, key=lambda t: t.value)
+    camera = steps.at(best.x).resized(here.camera.width, here.camera.height)
+    used = here.evaluations + sum(t.evaluations for t in tries)
+    return Outcome(camera, comparison.information(steps.at(best.x)), used)
+
+
+def _search(value: Callable[[Array], float], start: Array, turn: Round) -> Found:
+    found = maximize(
+        lambda x: value(start + x), len(start), turn.first, turn.last, turn.evaluations, turn.reach
+    )
+    return replace(found, x=start + found.x)
+
+
+def _spread_starts(value: Callable[[Array], float], count: int, spread: float) -> list[Array]:
+    """The best of random places around 0, `spread` pixels away."""
+    rng = np.random.default_rng(0)
+    places = rng.standard_normal((SCATTERED, count)) * spread / np.sqrt(2)
+    worth = np.array([value(place) for place in places])
+    return [places[i] for i in np.argsort(-worth)[:FOLLOWED]]
+
+
+def settled(task: Task, found: Outcome) -> Outcome:
+    """Fine rounds until the camera stays where it is."""
+    for _ in range(MOST_FINE):
+        before = found.camera
+        comparison = task.comparison(before, FINE.size)
+        if comparison is None:
+            return found
+        found = _climbed(task, comparison, found, FINE)
+        if motion_px(found.camera, before, comparison.points[::40]) < STILL * before.width:
+            break
+    return found
+
+
+def _restarted_apart(task: Task, shown: Comparison, camera: Camera, seed: int) -> float:
+    """Where the search ends from a place beside `camera`: distance to it, share of the width."""
+    steps = CameraSteps.around(shown.camera, shown.points[::40])
+    aside = np.random.default_rng(seed).standard_normal(steps.count)
+    aside *= ASIDE * shown.camera.width / np.linalg.norm(aside)
+    start = steps.at(aside).resized(camera.width, camera.height)
+    end = ascend(task, start, (*MIDDLE, FINE))
+    return motion_px(end.camera, camera, shown.points[::40]) / camera.width
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What speaks for a camera. before_bits: information at the start; apart: where restarts
+    ended, shares of the width; verdict: of structure matching.
+    """
+
+    before_bits: float
+    found: Outcome
+    apart: tuple[float, ...]
+    verdict: Verdict
+
+
+def _refusal(proof: Evidence, error_percent: float, options: MutualInformationOptions) -> str:
+    """Why the camera is not to be believed; empty if it is."""
+    again = "(give a closer start, a mask of the object, or pick 4 points)"
+    if max(proof.apart) > AGREED:
+        return f"searches from close by end {max(proof.apart):.1%} of the width apart {again}"
+    if proof.verdict.support < LEAST_SUPPORT and proof.verdict.patches >= ENOUGH_PATCHES:
+        return (
+            f"only {proof.verdict.support:.0%} of the mesh's structure is where this camera puts "
+            f"it, so its shading matches by chance {again}"
+        )
+    if error_percent > options.max_error_percent:
+        return f"the expected error is {error_percent:.1f} % of the width {again}"
+    return ""
+
+
+def _fit(task: Task, shown: Comparison, proof: Evidence) -> Fit:
+    camera = proof.found.camera
+    covariance = _covariance(task, shown)
+    free = ("focal",) if task.options.focal else ()
+    jacobian = projection_jacobian(camera, shown.points[::40], free)
+    spread = float(np.einsum("nip,pq,niq->n", jacobian, covariance, jacobian).mean())
+    error = float(np.linalg.norm([np.sqrt(spread), SYSTEMATIC * camera.width]))
+    reason = _refusal(proof, 100 * error / camera.width, task.options)
+    picks = task.picks
+    residual = np.zeros(0)
+    if picks is not None:
+        residual = np.linalg.norm(camera.project(picks.xyz_in_world)[0] - picks.xy_px, axis=1)
+    sigma = task.options.pick_sigma_percent / 100 * max(camera.width, camera.height)
+    return Fit(
+        camera=camera, method="mutual-information", expected_error_px=error,
+        residual_px=residual, inliers=residual < PICK_SCALE * 2 * sigma, covariance=covariance,
+        solved=("rotation", "translation", *free), names=picks.names if picks else (),
+        accepted=not reason, reason=reason, quality=_quality(proof),
+    )  # fmt: skip
+
+
+def _quality(proof: Evidence) -> dict[str, Any]:
+    return {
+        "information_before_bits": round(proof.before_bits, 4),
+        "information_bits": round(proof.found.information, 4),
+        "evaluations": proof.found.evaluations,
+        "restarts_apart_percent": [round(100 * apart, 3) for apart in proof.apart],
+        "support": round(proof.verdict.support, 3),
+        "agreement": round(proof.verdict.agreement, 3),
+        "coverage": round(proof.verdict.coverage, 3),
+    }
+
+
+def _covariance(task: Task, shown: Comparison) -> Array:
+    """(p, p) of rotation, translation (and log focal) as `Pose.step`: how sharp the peak is."""
+    steps = CameraSteps.around(shown.camera, shown.points[::40], task.options.focal)
+    bend = -curvature(objective(task, shown, steps), steps.count, CURVATURE_STEP_PX)
+    values, vectors = np.linalg.eigh(bend)
+    in_steps = (vectors / np.maximum(values, LEAST_CURVATURE)) @ vectors.T
+    to_delta = steps.pose_delta()
+    return to_delta @ in_steps @ to_delta.T
