@@ -34,9 +34,11 @@ Array = NDArray[np.float64]
 
 STARTS_EACH = 2
 """Starts taken from each position of the wider search."""
-SYSTEMATIC = 0.5
+SYSTEMATIC = 0.45
 """Error that all patches share (light from above, mostly), relative to their median offset: .3
-to .55 on three scenes whose cameras are known."""
+to .55 on three scenes whose cameras are known ..."""
+FULL_AGREEMENT = 0.5
+"""... in which this share of patches agreed or more; in inverse proportion where fewer do."""
 SAME_PLACE = 0.01
 """Image motion, as a share of the width, below which two candidates are the same."""
 
@@ -110,7 +112,7 @@ def _attempt(
     view = with_outline(view, best)
     seen, fit = refine(view, best, prior.intrinsics.fx, options.focal_sigma)
     camera = view.full_camera(fit.x)
-    return _fit(seen, fit, camera, judge(view, seen, camera, options, prior))
+    return _fit(seen, fit, camera, judge(view, seen, camera, options, prior), options)
 
 
 def _settled(found: list[Candidate], options: StructureOptions) -> bool:
@@ -123,26 +125,33 @@ def _settled(found: list[Candidate], options: StructureOptions) -> bool:
     return len(again) > 1 and best.support >= options.confirmed_support
 
 
-def _fit(seen: Observation, fit: LmFit[Camera], camera: Camera, verdict: Verdict) -> Fit:
+def _fit(
+    seen: Observation,
+    fit: LmFit[Camera],
+    camera: Camera,
+    verdict: Verdict,
+    options: StructureOptions,
+) -> Fit:
     scale = camera.intrinsics.fx / fit.x.intrinsics.fx
     offset = fit.x.project(seen.xyz_in_world)[0] - seen.matches.target_px
     residual = np.linalg.norm(offset, axis=1)
+    inliers = residual < 3 * FINE_SCALE_PX
     # overlapping patches repeat each other
     covariance = fit.covariance() * (seen.rule.size_px / seen.rule.step_px) ** 2
-    jacobian = projection_jacobian(fit.x, seen.xyz_in_world, ("focal",))
-    spread = np.einsum("nip,pq,niq->n", jacobian, covariance, jacobian).mean()
-    inliers = residual < 3 * FINE_SCALE_PX
-    systematic = SYSTEMATIC * float(np.median(residual[inliers])) if inliers.any() else np.inf
+    scatter = float(np.median(residual[inliers])) if inliers.any() else np.inf
+    shared = SYSTEMATIC * scatter * max(1.0, FULL_AGREEMENT / max(verdict.agreement, 0.01))
+    expected = scale * float(np.hypot(_spread_px(fit.x, seen, covariance), shared))
+    reason = verdict.reason or _doubt(expected, camera, options)
     return Fit(
         camera=camera,
         method="structure",
-        expected_error_px=float(np.hypot(np.sqrt(spread), systematic)) * scale,
+        expected_error_px=expected,
         residual_px=residual * scale,
         inliers=inliers,
         covariance=covariance,
         solved=("rotation", "translation", "focal"),
-        accepted=verdict.registered,
-        reason=verdict.reason,
+        accepted=not reason,
+        reason=reason,
         quality={
             "patches": verdict.patches,
             "agreement": verdict.agreement,
@@ -151,3 +160,16 @@ def _fit(seen: Observation, fit: LmFit[Camera], camera: Camera, verdict: Verdict
             "moved": verdict.moved,
         },
     )
+
+
+def _spread_px(camera: Camera, seen: Observation, covariance: Array) -> float:
+    """Standard deviation of the surface's image by the fit's covariance, pixels of the level."""
+    jacobian = projection_jacobian(camera, seen.xyz_in_world, ("focal",))
+    return float(np.sqrt(np.einsum("nip,pq,niq->n", jacobian, covariance, jacobian).mean()))
+
+
+def _doubt(expected_px: float, camera: Camera, options: StructureOptions) -> str:
+    percent = 100 * expected_px / max(camera.width, camera.height)
+    if percent <= options.max_error_percent:
+        return ""
+    return f"expected error {percent:.2f} % of the photo's longer side (pick 4 points)"
