@@ -81,6 +81,9 @@ class ColorOptions:
     robust_rounds: Annotated[int, Field(ge=0, le=50)] = 4
     """Rounds of reweighting against samples that disagree; 0 = plain weighted mean."""
 
+    preference: Annotated[float, Field(ge=0, le=8)] = 0.5
+    """How strongly the best of the photos that agree is preferred: the power of its weight."""
+
     texels_per_pixel: Annotated[float, Field(gt=0, le=4)] = 1.0
     """Texels along a line per pixel of the photo that shows the surface best."""
 

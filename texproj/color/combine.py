@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from texproj.color.points import Floats
 from texproj.color.spill import Stack
+from texproj.options import ColorOptions
 
 BLOCK = 1 << 13
 """Points whose samples from several photos fit the processor's cache."""
@@ -28,12 +29,10 @@ class Blend:
     share: NDArray[np.float64]
 
 
-def blend(stack: Stack, gain: Floats, scale: float, iterations: int) -> Blend:
+def blend(stack: Stack, gain: Floats, options: ColorOptions) -> Blend:
     """The robust weighted mean of the photos' colors times their gains.
 
-    gain: (photos in all, 3); scale: difference of brightness-encoded color (square root of linear
-    light) at which a photo that disagrees with the others counts half; iterations: 0 gives the
-    plain weighted mean.
+    gain: (photos in all, 3). With `robust_rounds` 0 the plain weighted mean.
     """
     n = stack.weight.shape[1]
     rgb = np.zeros((n, 3), np.float32)
@@ -45,7 +44,10 @@ def blend(stack: Stack, gain: Floats, scale: float, iterations: int) -> Blend:
             part = slice(start, start + BLOCK)
             weight = stack.weight[:, part]
             color = stack.rgb[:, :, part] * factor[:, :, None]
-            trust = robust_weights(color, weight, scale, iterations) if iterations else weight
+            trust = weight
+            if options.robust_rounds:
+                trust = robust_weights(color, weight, options.robust_scale, options.robust_rounds)
+                trust *= weight ** np.float32(options.preference - 0.5)
             norm = trust.sum(axis=0)
             trust = trust / np.maximum(norm, np.float32(1e-20))
             rgb[part] = np.einsum("pn,pcn->nc", trust, color)

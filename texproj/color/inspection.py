@@ -22,8 +22,9 @@ def vertex_view(mesh: Mesh, view: PhotoView, options: ColorOptions) -> tuple[Flo
     for number in range(len(points.sizes)):
         samples = sample(points.chunk(number), sight, view)
         if samples is not None:
-            rgb[points.rows(number)][samples.seen] = samples.rgb * np.float32(1 / WHITE)
-            weight[points.rows(number)][samples.seen] = samples.weight
+            rows = points.rows(number)
+            rgb[rows][samples.seen] = samples.packed[:, :3] * np.float32(1 / WHITE)
+            weight[rows][samples.seen] = samples.weight
     return rgb, weight
 
 

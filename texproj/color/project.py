@@ -30,16 +30,23 @@ def project_photos(
     scratch: Scratch,
     progress: Progress | None = None,
 ) -> Spill:
-    """The samples of all photos; each is loaded once and forgotten; one that loads as None is
-    left out.
+    """The samples of all photos; each is loaded once, while the one before is worked on, and
+    forgotten; one that loads as None is left out.
     """
     spill = Spill(points.sizes, scratch)
-    for number, camera in enumerate(cameras):
-        photo = load_photo(number)
-        if photo is not None:
-            add_photo(spill, number, points, photo_view(photo, camera, scene, options), options)
-        if progress:
-            progress(number + 1, len(cameras))
+    with ThreadPoolExecutor(1) as loader:
+        ahead = loader.submit(load_photo, 0) if cameras else None
+        for number, camera in enumerate(cameras):
+            assert ahead is not None
+            photo = ahead.result()
+            if number + 1 < len(cameras):
+                ahead = loader.submit(load_photo, number + 1)
+            if photo is not None:
+                view = photo_view(photo, camera, scene, options)
+                del photo
+                add_photo(spill, number, points, view, options)
+            if progress:
+                progress(number + 1, len(cameras))
     return spill
 
 

@@ -13,18 +13,30 @@ from texproj.color.points import Chunk, Floats
 from texproj.color.sight import Sight
 from texproj.color.view import PhotoView
 
+WEIGHT_ONE = 65535
+"""The 16-bit value of weight 1; a weight above zero is stored as at least 1."""
+
 
 @dataclass(frozen=True, eq=False)
 class Samples:
     """Colors of the points that a photo sees.
 
-    seen: (n,) bool which points of the chunk; rgb: (m, 3) uint16 linear light (`view.WHITE`);
-    weight: (m,) float32 > 0.
+    seen: (n,) bool which points of the chunk; packed: (m, 4) uint16 linear rgb (`view.WHITE`) and
+    weight (`WEIGHT_ONE`), at least 1.
     """
 
     seen: NDArray[np.bool_]
-    rgb: NDArray[np.uint16]
-    weight: Floats
+    packed: NDArray[np.uint16]
+
+    @property
+    def rgb(self) -> NDArray[np.uint16]:
+        """(m, 3) linear light (`view.WHITE`)."""
+        return self.packed[:, :3]
+
+    @property
+    def weight(self) -> Floats:
+        """(m,) weights in 0..1."""
+        return self.packed[:, 3] * np.float32(1 / WEIGHT_ONE)
 
 
 def sample(chunk: Chunk, sight: Sight, view: PhotoView) -> Samples | None:
@@ -38,12 +50,15 @@ def sample(chunk: Chunk, sight: Sight, view: PhotoView) -> Samples | None:
     seen = weight > 0
     if not seen.any():
         return None
-    rgb = read_colors(view, xy_px, sight.level[part.owner])[: len(seen)]
-    used = seen
+    packed = np.empty((len(seen), 4), np.uint16)
+    packed[:, :3] = read_colors(view, xy_px, sight.level[part.owner])[: len(seen)]
+    np.maximum(weight * np.float32(WEIGHT_ONE), 1, out=packed[:, 3], casting="unsafe")
+    if not seen.all():
+        packed = packed.view(np.uint64)[seen].view(np.uint16).reshape(-1, 4)
     if part is not chunk:
-        used = np.zeros(len(chunk), bool)
-        used[np.flatnonzero(facing)[seen]] = True
-    return Samples(used, rgb[seen], weight[seen])
+        facing[facing] = seen
+        seen = facing
+    return Samples(seen, packed)
 
 
 def project(chunk: Chunk, sight: Sight, view: PhotoView) -> tuple[Floats, Floats]:
@@ -54,12 +69,14 @@ def project(chunk: Chunk, sight: Sight, view: PhotoView) -> tuple[Floats, Floats
     """
     n = len(chunk)
     in_depth, depth = depth_pixels(chunk.xyz, sight.origin, view.depth_camera)
+    nearest = depth * sight.nearer[chunk.owner]
     hull = cv2.remap(view.hull, in_depth, None, cv2.INTER_NEAREST, borderValue=(-1, 0))
     hull = hull.reshape(-1, 2)[:n]
+    visible = nearest <= hull[:, 0]
+    visible &= depth > 0
     weight = sight.weight[chunk.owner]
     weight *= hull[:, 1]
-    nearest = depth * (1 - sight.tolerance[chunk.owner])
-    weight *= (nearest <= hull[:, 0]) & (depth > 0)
+    weight *= visible
     xy_px = photo_pixels(in_depth, view)
     if view.trust is not None:
         small = rescaled(xy_px, view.trust.shape, view.camera)

@@ -32,13 +32,14 @@ class Sight:
     """How one photo sees the owners of points.
 
     weight: (k,) float32 product of the surface factors, 0 = faces away or behind the camera;
-    tolerance: (k,) float32 relative depth by which points may lie behind the depth image;
+    nearer: (k,) float32 factor just under 1: a point is hidden only if the depth image is nearer
+    than its own depth times this;
     level: (k,) int8 pyramid level whose pixels fit the points; origin: (3,) that of the owners.
     """
 
     origin: NDArray[np.float64]
     weight: Floats
-    tolerance: Floats
+    nearer: Floats
     level: NDArray[np.int8]
 
 
@@ -57,8 +58,8 @@ def sight_of(
     footprint = DEPTH_TOLERANCE_PX / depth_camera.intrinsics.fx
     octave = np.log2(np.maximum(pixels * np.sqrt(cosine), 1)) - SHARPER
     level = np.clip(np.round(octave), 0, max(levels - 1, 0)).astype(np.int8)
-    tolerance = (DEPTH_TOLERANCE + footprint * slope).astype(np.float32)
-    return Sight(owners.origin, weight, tolerance, level)
+    nearer = (1 - DEPTH_TOLERANCE - footprint * slope).astype(np.float32)
+    return Sight(owners.origin, weight, nearer, level)
 
 
 def surface_factors(cosine: Floats, pixels: Floats, options: ColorOptions) -> dict[str, Floats]:

@@ -11,12 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.color.points import Floats
-from texproj.color.sample import Samples
+from texproj.color.sample import WEIGHT_ONE, Samples
 from texproj.color.scratch import Scratch
 from texproj.color.view import WHITE
-
-WEIGHT_ONE = 65535
-"""The 16-bit value of weight 1; a weight above zero is stored as at least 1."""
 
 SURVEYED_CHUNKS = 48
 """Chunks that a survey reads."""
@@ -57,12 +54,10 @@ class Spill:
 
     def add(self, photo: int, chunk: int, samples: Samples) -> None:
         """Keep what `photo` says about `chunk`."""
-        packed = np.empty((len(samples.weight), 4), np.uint16)
-        packed[:, :3] = samples.rgb
-        packed[:, 3] = np.maximum(samples.weight * np.float32(WEIGHT_ONE), 1)
-        start = self._scratch.append(np.packbits(samples.seen).tobytes(), packed.tobytes())
+        bits = np.packbits(samples.seen)
+        start = self._scratch.append(bits.tobytes(), samples.packed.data.cast("B"))
         with self._lock:
-            self._records[chunk].append(_Record(photo, start, len(packed)))
+            self._records[chunk].append(_Record(photo, start, len(samples.packed)))
 
     def read(self, chunk: int) -> Stack:
         """Everything about `chunk`, densely."""

@@ -16,6 +16,7 @@ from texproj.color.density import texels_per_unit
 from texproj.color.gains import Gains, no_gains, solve_gains
 from texproj.color.pages import fill_page
 from texproj.color.project import LoadPhoto, Progress, in_parallel, project_photos
+from texproj.color.quality import coverage, per_photo
 from texproj.color.result import Texture
 from texproj.color.scratch import Scratch
 from texproj.color.spill import Spill
@@ -57,7 +58,8 @@ def color_texture(
             fill_unseen(mesh, atlas, points, pages, counts)
             for number, page in enumerate(pages):
                 fill_page(page, points.inside(number, page.shape))
-    return Texture(atlas, tuple(pages), tuple(counts), quality_of(points, counts, share, gains))
+    quality = coverage(counts, sum(points.sizes)) | {"photos": per_photo(gains, share)}
+    return Texture(atlas, tuple(pages), tuple(counts), quality)
 
 
 def bake(
@@ -73,7 +75,7 @@ def bake(
 
     def one(number: int) -> None:
         stack = spill.read(number)
-        result = blend(stack, gains.factor, options.robust_scale, options.robust_rounds)
+        result = blend(stack, gains.factor, options)
         page = points.tiles[number].page
         points.place(number, pages[page], encoded(result, options.bits))
         points.place(number, counts[page], np.minimum(result.photo_count, 255).astype(np.uint8))
@@ -88,24 +90,3 @@ def encoded(result: Blend, bits: int) -> NDArray[Any]:
     if bits == 8:
         return ENCODING[(np.clip(result.rgb, 0, 1) * 65535).astype(np.uint16)]
     return np.round(srgb_from_linear(result.rgb) * 65535).astype(np.uint16)
-
-
-def quality_of(
-    points: TexelPoints, counts: list[NDArray[np.uint8]], share: NDArray[np.float64], gains: Gains
-) -> dict[str, Any]:
-    """Numbers for the report: see README."""
-    texels = sum(points.sizes)
-    seen = sum(int(np.count_nonzero(count)) for count in counts)
-    return {
-        "texels": texels,
-        "seen": seen / max(texels, 1),
-        "photos_per_texel": sum(int(c.sum(dtype=np.int64)) for c in counts) / max(seen, 1),
-        "photos": [
-            {
-                "gain": [round(float(g), 4) for g in factor],
-                "spread": round(float(spread), 4),
-                "share": round(float(part) / max(seen, 1), 4),
-            }
-            for factor, spread, part in zip(gains.factor, gains.spread, share, strict=True)
-        ],
-    }

@@ -13,6 +13,7 @@ from texproj.color.fill import fill_vertices
 from texproj.color.gains import no_gains, solve_gains
 from texproj.color.points import VertexPoints
 from texproj.color.project import LoadPhoto, Progress, project_photos
+from texproj.color.quality import coverage, per_photo
 from texproj.color.result import VertexColors
 from texproj.color.scratch import Scratch
 from texproj.mesh import Mesh
@@ -38,15 +39,16 @@ def color_vertices(
     rgb = np.zeros((len(mesh.vertices), 3), np.float32)
     weight = np.zeros(len(mesh.vertices), np.float32)
     count = np.zeros(len(mesh.vertices), np.uint16)
+    share = np.zeros(len(cameras))
     with renderer.load(mesh) as scene, closing(Scratch()) as scratch:
         spill = project_photos(points, cameras, load_photo, scene, options, scratch, progress)
         gains = solve_gains(spill, len(cameras)) if options.gains else no_gains(len(cameras))
         for chunk in range(len(points.sizes)):
             part = points.rows(chunk)
-            result = blend(
-                spill.read(chunk), gains.factor, options.robust_scale, options.robust_rounds
-            )
+            stack = spill.read(chunk)
+            result = blend(stack, gains.factor, options)
             rgb[part], weight[part] = result.rgb, result.weight
             count[part] = result.photo_count
-    quality = {"seen": float((weight > 0).mean())}
+            share[stack.photos] += result.share
+    quality = coverage([count], len(count)) | {"photos": per_photo(gains, share)}
     return VertexColors(fill_vertices(mesh, rgb, weight > 0), weight, count, quality)

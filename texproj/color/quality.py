@@ -1,0 +1,44 @@
+"""Numbers that say how sure the colors are, for the report."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.color.gains import Gains
+
+
+def coverage(counts: list[NDArray[Any]], points: int) -> dict[str, Any]:
+    """From the number of photos per point, in parts, and the number of points on the surface.
+
+    seen: part of the points that a photo sees; seen_by_one: part of the seen points that only one
+    photo sees, so that nothing there can be checked; photos_per_point: mean over the seen.
+    """
+    seen = sum(int(np.count_nonzero(count)) for count in counts)
+    once = sum(int(np.count_nonzero(count == 1)) for count in counts)
+    total = sum(int(count.sum(dtype=np.int64)) for count in counts)
+    return {
+        "points": points,
+        "seen": seen / max(points, 1),
+        "seen_by_one": once / max(seen, 1),
+        "photos_per_point": total / max(seen, 1),
+    }
+
+
+def per_photo(gains: Gains, share: NDArray[np.float64]) -> list[dict[str, Any]]:
+    """One entry per photo, in the order of the cameras.
+
+    gain: factor on each channel of linear light; disagreement: median absolute log difference to
+    the other photos after correction; share: part of the surface's color that comes from it.
+    """
+    part = share / max(float(share.sum()), 1e-12)
+    return [
+        {
+            "gain": [float(g) for g in gain],
+            "disagreement": float(spread),
+            "share": float(used),
+        }
+        for gain, spread, used in zip(gains.factor, gains.spread, part, strict=True)
+    ]
