@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.camera import Camera
+from texproj.camera import Camera, Intrinsics
 from texproj.options import MutualInformationOptions
 from texproj.photo import Photo
 from texproj.register.structure_view import Render
@@ -36,43 +36,70 @@ BLUR_PX = 0.8
 TAIL = 0.5
 """Percent of the samples at either end of the gray values that are clipped."""
 SURFACE_SAMPLES, OUTLINE_SAMPLES = 12_000, 4_000
+MARGIN = 0.06
+"""Part of the longer side added on each side of a distorted photo."""
 LEAST_SAMPLES = 300
 """Samples below which there is too little of the mesh in view."""
 
 
 @dataclass(frozen=True, eq=False)
 class PhotoLevel:
-    """A photo at one size. gray: (h, w) float32 of any range; usable: (h, w) float32 in 0..1."""
+    """A reduced photo without its lens distortion, so that a comparison needs no lens model.
 
-    gray: Image
-    usable: Image | None
+    camera: the pinhole camera of this picture, which is a little larger than the photo;
+    gray_and_weight: (h, w, 2) float32, gray of any range, and weight in 0..1, which is 0 outside
+    of the photo and of its mask.
+    """
+
+    camera: Camera
+    gray_and_weight: Image
 
     @classmethod
-    def of(cls, photo: Photo, longest_px: float, gradients: bool) -> PhotoLevel:
-        factor = longest_px / max(photo.width, photo.height)
-        if factor < 1:
-            photo = photo.resized(round(photo.width * factor), round(photo.height * factor))
+    def of(cls, photo: Photo, camera: Camera, longest_px: float, gradients: bool) -> PhotoLevel:
+        """camera: of the photo, any size; longest_px: of the reduced photo."""
+        factor = min(1.0, longest_px / max(photo.width, photo.height))
+        photo = photo.resized(round(photo.width * factor), round(photo.height * factor))
         gray = cv2.GaussianBlur(photo.gray(), (0, 0), BLUR_PX)
-        usable = None if photo.mask is None else (photo.mask > 0).astype(np.float32)
-        return cls(gradient_strength(gray) if gradients else gray, usable)
-
-    def camera(self, camera: Camera) -> Camera:
-        """`camera` for a picture of this size."""
-        height, width = self.gray.shape
-        return camera.resized(width, height)
+        gray = gradient_strength(gray) if gradients else gray
+        weight = np.ones_like(gray)
+        if photo.mask is not None:
+            weight = (photo.mask > 0).astype(np.float32)
+        lens = camera.intrinsics.resized(photo.width, photo.height)
+        wide = _widened(lens)
+        return cls(Camera(wide, camera.pose), _undistorted(cv2.merge([gray, weight]), lens, wide))
 
     def sampled(self, xy_px: Array) -> tuple[Image, Image]:
-        """((n,) gray, (n,) weight) at pixels; weight 0 outside of the picture and the mask."""
-        height, width = self.gray.shape
+        """((n,) gray, (n,) weight) at pixels of this picture."""
         place = np.nan_to_num(xy_px - 0.5, nan=-9.0).astype(np.float32).reshape(-1, 1, 2)
-        gray = cv2.remap(self.gray, place, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        x, y = place[:, 0].T
-        weight = ((x > -0.5) & (y > -0.5) & (x < width - 0.5) & (y < height - 0.5)).astype(
-            np.float32
-        )
-        if self.usable is not None:
-            weight *= cv2.remap(self.usable, place, None, cv2.INTER_LINEAR).ravel()
-        return gray.ravel(), weight
+        found = cv2.remap(self.gray_and_weight, place, None, cv2.INTER_LINEAR).reshape(-1, 2)
+        return found[:, 0], found[:, 1]
+
+
+def _widened(lens: Intrinsics) -> Intrinsics:
+    """The pinhole part, with a margin for what a barrel-shaped distortion draws in."""
+    margin = round(MARGIN * max(lens.width, lens.height)) if lens.distorted else 0
+    return replace(
+        lens.pinhole, width=lens.width + 2 * margin, height=lens.height + 2 * margin,
+        cx=lens.cx + margin, cy=lens.cy + margin,
+    )  # fmt: skip
+
+
+def _undistorted(picture: Image, lens: Intrinsics, wide: Intrinsics) -> Image:
+    if not lens.distorted:
+        return picture
+    x, y = np.meshgrid(np.arange(wide.width) + 0.5, np.arange(wide.height) + 0.5)
+    ideal = np.stack([(x - wide.cx) / wide.fx, (y - wide.cy) / wide.fy], axis=2)
+    place = lens.distort(ideal.reshape(-1, 2)) * (lens.fx, lens.fy) + (lens.cx, lens.cy) - 0.5
+    places = np.nan_to_num(place, nan=-9.0).astype(np.float32).reshape(wide.height, wide.width, 2)
+    return cv2.remap(picture, places, None, cv2.INTER_LINEAR)
+
+
+def _projected(camera: Camera, xyz_in_world: Array) -> Array:
+    """(n, 2) pixels by a camera without distortion."""
+    K, pose = camera.intrinsics.K, camera.pose
+    xyz = pose.apply(xyz_in_world)
+    depth = np.where(xyz[:, 2] > 0, xyz[:, 2], np.nan)
+    return np.stack([xyz[:, k] * (K[k, k] / depth) + K[k, 2] for k in (0, 1)], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,13 +112,12 @@ class Layer:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """A rendering from `camera` (of the level's size), ready to be held against the photo from
-    cameras around it. area_px: size of the foreground; gray_range: lowest and highest gray of
+    """A rendering from the level's camera, ready to be held against the photo from cameras
+    around it. area_px: size of the foreground; gray_range: lowest and highest gray of
     the histograms.
     """
 
     level: PhotoLevel
-    camera: Camera
     layers: tuple[Layer, ...]
     area_px: float
     gray_range: tuple[float, float]
@@ -100,23 +126,30 @@ class Comparison:
 
     @classmethod
     def at(
-        cls, level: PhotoLevel, camera: Camera, render: Render, options: MutualInformationOptions
+        cls, level: PhotoLevel, render: Render, options: MutualInformationOptions
     ) -> Comparison | None:
         """None if too little of the mesh is in view."""
-        here = level.camera(camera)
+        here = level.camera
         images = render(here)
         surface = surface_samples(images, here, options.maps, SURFACE_SAMPLES, options.gradients)
+        surface = _usable(surface, level)
         if len(surface) < LEAST_SAMPLES:
             return None
-        gray = level.sampled(here.project(surface.xyz_in_world)[0])[0]
         layers = [_layer(surface, options.bins)] if surface.values else []
         if "silhouette" in options.maps:
-            outline = outline_samples(images, here, OUTLINE_SAMPLES)
+            outline = _usable(outline_samples(images, here, OUTLINE_SAMPLES), level)
             layers += [_layer(outline, 2)] if len(outline) else []
+        if not layers:
+            return None
+        gray = level.sampled(_projected(here, surface.xyz_in_world))[0]
         low, high = np.percentile(gray, (TAIL, 100 - TAIL))
         gray_range = (float(low), float(max(high, low + 1e-3)))
         area = float(foreground(images).sum())
-        return cls(level, here, tuple(layers), area, gray_range, options.bins, options.measure)
+        return cls(level, tuple(layers), area, gray_range, options.bins, options.measure)
+
+    @property
+    def camera(self) -> Camera:
+        return self.level.camera
 
     @property
     def points(self) -> Array:
@@ -132,8 +165,7 @@ class Comparison:
         return float(sum(self._shared(layer, camera) for layer in self.layers))
 
     def _shared(self, layer: Layer, camera: Camera) -> float:
-        xy = camera.project(layer.xyz_in_world)[0]
-        gray, weight = self.level.sampled(xy)
+        gray, weight = self.level.sampled(_projected(camera, layer.xyz_in_world))
         low, high = self.gray_range
         steps = binned((gray - low) / (high - low), self.bins)
         joints = [joint_histogram(steps, shown, weight) for shown in layer.maps]
@@ -142,6 +174,12 @@ class Comparison:
         else:
             told = sum(mutual_information_bits(j) for j in joints)
         return told * float(weight.mean())
+
+
+def _usable(samples: Samples, level: PhotoLevel) -> Samples:
+    """Those that fall on the photo and its mask from the level's camera."""
+    weight = level.sampled(_projected(level.camera, samples.xyz_in_world))[1]
+    return samples.chosen(weight > 0.5)
 
 
 def _layer(samples: Samples, bins: int) -> Layer:

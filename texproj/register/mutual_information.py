@@ -81,12 +81,11 @@ class Task:
     options: MutualInformationOptions
     picks: Correspondences | None = None
 
-    def level(self, size: float) -> PhotoLevel:
-        longest = min(self.options.working_px, max(self.photo.width, self.photo.height))
-        return PhotoLevel.of(self.photo, size * longest, self.options.gradients)
-
     def comparison(self, camera: Camera, size: float) -> Comparison | None:
-        return Comparison.at(self.level(size), camera, self.render, self.options)
+        """At a part of the working size; None if too little of the mesh is in view."""
+        longest = size * min(self.options.working_px, max(self.photo.width, self.photo.height))
+        level = PhotoLevel.of(self.photo, camera, longest, self.options.gradients)
+        return Comparison.at(level, self.render, self.options)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,14 +132,17 @@ def _required(task: Task, camera: Camera) -> Comparison:
     return comparison
 
 
-def objective(task: Task, comparison: Comparison, steps: CameraSteps) -> Callable[[Array], float]:
-    """Log likelihood, nats, of the camera a step away, up to a constant."""
+def objective(
+    task: Task, comparison: Comparison, steps: CameraSteps, full: Camera
+) -> Callable[[Array], float]:
+    """Log likelihood, nats, of the camera a step away from `full` (full size), up to a constant."""
     certain = np.log(2) * independent_samples(comparison)
 
     def value(step_px: Array) -> float:
-        camera = steps.at(step_px)
-        told = certain * comparison.information(camera)
-        return told - (_pick_cost(task, camera) if task.picks is not None else 0.0)
+        told = certain * comparison.information(steps.at(step_px))
+        if task.picks is None:
+            return told
+        return told - _pick_cost(task, moved(full, steps, step_px))
 
     return value
 
@@ -153,10 +155,9 @@ def independent_samples(comparison: Comparison) -> float:
 def _pick_cost(task: Task, camera: Camera) -> float:
     """Half the robust sum of squares of the picks' errors in standard deviations."""
     assert task.picks is not None
-    scale = camera.width / task.photo.info.width
-    longer = max(camera.width, camera.height)
-    sigma = max(task.options.pick_sigma_percent / 100 * longer, 1e-6)
-    gap = camera.project(task.picks.xyz_in_world)[0] - task.picks.xy_px * scale
+    info = task.photo.info
+    sigma = task.options.pick_sigma_percent / 100 * max(info.width, info.height)
+    gap = camera.project(task.picks.xyz_in_world)[0] - task.picks.xy_px
     squared = np.nan_to_num((gap**2).sum(axis=1) / sigma**2, nan=FAR**2)
     return float(0.5 * Loss("cauchy", PICK_SCALE).cost(np.minimum(squared, FAR**2)).sum())
 
@@ -175,14 +176,21 @@ def ascend(task: Task, camera: Camera, rounds: Sequence[Round]) -> Outcome:
 def _climbed(task: Task, comparison: Comparison, here: Outcome, turn: Round) -> Outcome:
     points = comparison.points[:: max(1, len(comparison.points) // PROBES)]
     steps = CameraSteps.around(comparison.camera, points, task.options.focal)
-    value = objective(task, comparison, steps)
+    value = objective(task, comparison, steps, here.camera)
     starts = _spread_starts(value, steps.count, turn.spread) if turn.spread else []
     tries = [_search(value, np.zeros(steps.count), turn)]
     tries += [_search(value, start, turn) for start in starts]
     best = max(tries, key=lambda t: t.value)
-    camera = steps.at(best.x).resized(here.camera.width, here.camera.height)
+    camera = moved(here.camera, steps, best.x)
     used = here.evaluations + sum(t.evaluations for t in tries)
     return Outcome(camera, comparison.information(steps.at(best.x)), used)
+
+
+def moved(camera: Camera, steps: CameraSteps, step_px: Array) -> Camera:
+    """The full camera, lens and all, moved as the pinhole camera of `steps` is."""
+    end, k = steps.at(step_px), camera.intrinsics
+    zoom = end.intrinsics.fx / steps.camera.intrinsics.fx
+    return Camera(replace(k, fx=k.fx * zoom, fy=k.fy * zoom), end.pose)
 
 
 def _search(value: Callable[[Array], float], start: Array, turn: Round) -> Found:
@@ -218,7 +226,7 @@ def _restarted_apart(task: Task, shown: Comparison, camera: Camera, seed: int) -
     steps = CameraSteps.around(shown.camera, shown.points[::40])
     aside = np.random.default_rng(seed).standard_normal(steps.count)
     aside *= ASIDE * shown.camera.width / np.linalg.norm(aside)
-    start = steps.at(aside).resized(camera.width, camera.height)
+    start = moved(camera, steps, aside)
     end = ascend(task, start, (*MIDDLE, FINE))
     return motion_px(end.camera, camera, shown.points[::40]) / camera.width
 
@@ -252,7 +260,7 @@ def _refusal(proof: Evidence, error_percent: float, options: MutualInformationOp
 
 def _fit(task: Task, shown: Comparison, proof: Evidence) -> Fit:
     camera = proof.found.camera
-    covariance = _covariance(task, shown)
+    covariance = _covariance(task, shown, camera)
     free = ("focal",) if task.options.focal else ()
     jacobian = projection_jacobian(camera, shown.points[::40], free)
     spread = float(np.einsum("nip,pq,niq->n", jacobian, covariance, jacobian).mean())
@@ -283,10 +291,10 @@ def _quality(proof: Evidence) -> dict[str, Any]:
     }
 
 
-def _covariance(task: Task, shown: Comparison) -> Array:
+def _covariance(task: Task, shown: Comparison, camera: Camera) -> Array:
     """(p, p) of rotation, translation (and log focal) as `Pose.step`: how sharp the peak is."""
     steps = CameraSteps.around(shown.camera, shown.points[::40], task.options.focal)
-    bend = -curvature(objective(task, shown, steps), steps.count, CURVATURE_STEP_PX)
+    bend = -curvature(objective(task, shown, steps, camera), steps.count, CURVATURE_STEP_PX)
     values, vectors = np.linalg.eigh(bend)
     in_steps = (vectors / np.maximum(values, LEAST_CURVATURE)) @ vectors.T
     to_delta = steps.pose_delta()

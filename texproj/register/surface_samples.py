@@ -38,6 +38,10 @@ class Samples:
     def __len__(self) -> int:
         return len(self.xyz_in_world)
 
+    def chosen(self, which: Mask) -> Samples:
+        """A part of them."""
+        return Samples(self.xyz_in_world[which], tuple(v[which] for v in self.values))
+
 
 def foreground(images: GBuffer) -> Mask:
     """(h, w) where the mesh's outside is seen."""
