@@ -181,6 +181,9 @@ class StructureOptions:
     focal_sigma: Positive = 0.05
     """How far to trust the start's focal length: relative standard deviation."""
 
+    k1_sigma: Annotated[float, Field(ge=0)] = 0.0
+    """How far to trust the start's radial distortion k1: standard deviation; 0 = entirely."""
+
     sure_support: Fraction = 0.75
     """Share of patches found in place at which no further start is tried."""
 
@@ -265,7 +268,7 @@ class PreviewOptions:
     port: Annotated[int, Field(ge=0, le=65535)] = 8765
     """Port to listen on; 0 = any free one."""
 
-    light_faces: Annotated[int, Field(ge=1000)] = 60_000
+    light_faces: Annotated[int, Field(ge=1000)] = 30_000
     """Meshes of more faces are shown with about so many while the view moves."""
 
     max_request_bytes: Annotated[int, Field(ge=1000)] = 1_000_000

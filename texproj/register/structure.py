@@ -20,6 +20,7 @@ from texproj.records import Fit
 from texproj.register.structure_solve import (
     FINE_SCALE_PX,
     Candidate,
+    LensPrior,
     approach,
     refine,
     with_outline,
@@ -110,7 +111,10 @@ def _attempt(
         return None
     best = max(found, key=lambda c: c.support).camera
     view = with_outline(view, best)
-    seen, fit = refine(view, best, prior.intrinsics.fx, options.focal_sigma)
+    refined = refine(view, best, LensPrior.of(prior, options))
+    if refined is None:
+        return None
+    seen, fit = refined
     camera = view.full_camera(fit.x)
     return _fit(seen, fit, camera, judge(view, seen, camera, options, prior), options)
 
@@ -140,7 +144,8 @@ def _fit(
     covariance = fit.covariance() * (seen.rule.size_px / seen.rule.step_px) ** 2
     scatter = float(np.median(residual[inliers])) if inliers.any() else np.inf
     shared = SYSTEMATIC * scatter * max(1.0, FULL_AGREEMENT / max(verdict.agreement, 0.01))
-    expected = scale * float(np.hypot(_spread_px(fit.x, seen, covariance), shared))
+    lens = LensPrior.of(camera, options).free
+    expected = scale * float(np.hypot(_spread_px(fit.x, seen, covariance, lens), shared))
     reason = verdict.reason or _doubt(expected, camera, options)
     return Fit(
         camera=camera,
@@ -149,7 +154,7 @@ def _fit(
         residual_px=residual * scale,
         inliers=inliers,
         covariance=covariance,
-        solved=("rotation", "translation", "focal"),
+        solved=("rotation", "translation", *lens),
         accepted=not reason,
         reason=reason,
         quality={
@@ -162,9 +167,11 @@ def _fit(
     )
 
 
-def _spread_px(camera: Camera, seen: Observation, covariance: Array) -> float:
+def _spread_px(
+    camera: Camera, seen: Observation, covariance: Array, lens: tuple[str, ...]
+) -> float:
     """Standard deviation of the surface's image by the fit's covariance, pixels of the level."""
-    jacobian = projection_jacobian(camera, seen.xyz_in_world, ("focal",))
+    jacobian = projection_jacobian(camera, seen.xyz_in_world, lens)
     return float(np.sqrt(np.einsum("nip,pq,niq->n", jacobian, covariance, jacobian).mean()))
 
 

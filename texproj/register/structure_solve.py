@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.camera import Camera
+from texproj.options import StructureOptions
 from texproj.register.structure_start import motion_px
 from texproj.register.structure_view import FINE, MIDDLE, Observation, PatchRule, StructureView
 from texproj.solve.lm import LmFit, LmOptions, Loss, minimize
@@ -36,6 +37,34 @@ LEAST_SUPPORT = 0.1
 STILL_PX, MOST_ROUNDS = 0.5, 3
 """Motion, pixels of the fine level, at which refining stops, and most repetitions."""
 STEPS = LmOptions(max_iterations=30, cost_tolerance=1e-6)
+
+
+@dataclass(frozen=True)
+class LensPrior:
+    """What is known of the full-size photo's lens: fx with a relative standard deviation, and k1
+    with an absolute one, 0 if it is not to be solved.
+    """
+
+    focal_px: float
+    focal_sigma: float
+    k1: float = 0.0
+    k1_sigma: float = 0.0
+
+    @classmethod
+    def of(cls, camera: Camera, options: StructureOptions) -> LensPrior:
+        k = camera.intrinsics
+        k1 = k.dist[0] if k.dist else 0.0
+        return cls(k.fx, options.focal_sigma, k1, options.k1_sigma)
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """The intrinsics to solve."""
+        return ("focal", "k1") if self.k1_sigma else ("focal",)
+
+    def priors(self, enlarged: float) -> tuple[Prior, ...]:
+        """For the least squares in a picture enlarged by a factor."""
+        focal = Prior("focal", float(np.log(self.focal_px * enlarged)), self.focal_sigma)
+        return (focal, Prior("k1", self.k1, self.k1_sigma)) if self.k1_sigma else (focal,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,23 +105,23 @@ def with_outline(view: StructureView, camera: Camera) -> StructureView:
 
 
 def refine(
-    view: StructureView, camera: Camera, expected_focal_px: float, focal_sigma: float
-) -> tuple[Observation, LmFit[Camera]]:
-    """The last matches at the fine level and the fit to them, pose and focal length together.
+    view: StructureView, camera: Camera, known: LensPrior
+) -> tuple[Observation, LmFit[Camera]] | None:
+    """The last matches at the fine level and the fit to them, pose and lens together.
 
     Matched again until the camera stays where it is, so that the matches are those of the
-    fitted camera. expected_focal_px: fx of the full-size photo, with relative standard
-    deviation `focal_sigma`.
+    fitted camera. None if there is too little to match.
     """
     seen = view.observe(camera, EXACT)
-    enlarged = seen.camera.intrinsics.fx / camera.intrinsics.fx
-    prior = (expected_focal_px * enlarged, focal_sigma)
     agreed = consensus(view, seen, FINE_SCALE_PX)
-    start = seen.camera if agreed is None else view.camera_at(agreed, FINE)
-    fit = least_squares(seen, start, *prior)
+    if agreed is None:
+        return None
+    fit = least_squares(view, seen, view.camera_at(agreed, FINE), known)
     for _ in range(MOST_ROUNDS):
         seen = view.observe(view.full_camera(fit.x), LAST)
-        fit = least_squares(seen, seen.camera, *prior)
+        if len(seen.matches) < LEAST_MATCHES:
+            return None
+        fit = least_squares(view, seen, seen.camera, known)
         if motion_px(fit.x, seen.camera, seen.xyz_in_world) < STILL_PX:
             break
     return seen, fit
@@ -114,17 +143,18 @@ def consensus(view: StructureView, seen: Observation, scale_px: float) -> Camera
 
 
 def least_squares(
-    seen: Observation, camera: Camera, expected_focal_px: float, focal_sigma: float
+    view: StructureView, seen: Observation, camera: Camera, known: LensPrior
 ) -> LmFit[Camera]:
     """All matches under a Cauchy loss from a camera of the level; so is the fit's."""
+    enlarged = camera.intrinsics.fx / view.full_camera(camera).intrinsics.fx
     # patches that overlap repeat each other: so much less is known than their number says
     sigma = FINE_SCALE_PX * seen.rule.size_px / seen.rule.step_px
     problem = Reprojection(
         seen.matches.target_px,
         seen.xyz_in_world,
         sigma,
-        ("focal",),
-        (Prior("focal", float(np.log(expected_focal_px)), focal_sigma),),
+        known.free,
+        known.priors(enlarged),
     )
     return minimize(problem, camera, Loss("cauchy", FINE_SCALE_PX / sigma), STEPS)
 

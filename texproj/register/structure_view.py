@@ -28,6 +28,8 @@ MARGIN = 0.15
 WORTH_CROPPING = 0.85
 """Longer side of the part, relative to the photo's, above which the photo is taken whole."""
 MOST_ENLARGED = 1.3
+REACH_PX = 6
+"""How far a pixel's value reaches in a field's gradients: kept clear of what is masked."""
 RIM_PX = 3
 """Pixels along the mesh's outline that are left out: what lies behind is not in the mesh."""
 
@@ -152,7 +154,7 @@ def _field(photo: Photo, longest_px: float) -> Field:
     size = (max(1, round(photo.width * factor)), max(1, round(photo.height * factor)))
     valid = None
     if photo.mask is not None:
-        valid = cv2.resize(photo.mask, size, interpolation=cv2.INTER_NEAREST) > 0
+        valid = _eroded(cv2.resize(photo.mask, size, interpolation=cv2.INTER_NEAREST) > 0, REACH_PX)
     reduce_ = cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC
     gray = np.clip(cv2.resize(photo.gray(), size, interpolation=reduce_), 0, 1)
     return photo_field(gray, valid)

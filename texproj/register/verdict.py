@@ -19,6 +19,7 @@ from texproj.register.structure_solve import (
     CHECK,
     LAST,
     LEAST_MATCHES,
+    LensPrior,
     agrees,
     found_share,
     refine,
@@ -117,9 +118,11 @@ def _mirrored_fits_better(
     rival = mirrored_candidate(view, camera, LEAST_SYMMETRY * support)
     if rival is None:
         return False
-    fit = refine(mirrored, rival.camera, camera.intrinsics.fx, options.focal_sigma)[1]
+    refined = refine(mirrored, rival.camera, LensPrior.of(camera, options))
+    if refined is None:
+        return False
     own = found_share(view.observe(camera, DETAIL))
-    other = found_share(mirrored.observe(mirrored.full_camera(fit.x), DETAIL))
+    other = found_share(mirrored.observe(mirrored.full_camera(refined[1].x), DETAIL))
     return other > own + MIRROR_MARGIN
 
 
