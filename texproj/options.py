@@ -81,7 +81,7 @@ class ColorOptions:
     robust_rounds: Annotated[int, Field(ge=0, le=50)] = 4
     """Rounds of reweighting against samples that disagree; 0 = plain weighted mean."""
 
-    preference: Annotated[float, Field(ge=0, le=8)] = 0.5
+    preference: Annotated[float, Field(ge=0, le=8)] = 2.0
     """How strongly the best of the photos that agree is preferred: the power of its weight."""
 
     texels_per_pixel: Annotated[float, Field(gt=0, le=4)] = 1.0
@@ -181,8 +181,9 @@ class StructureOptions:
     focal_sigma: Positive = 0.05
     """How far to trust the start's focal length: relative standard deviation."""
 
-    k1_sigma: Annotated[float, Field(ge=0)] = 0.0
-    """How far to trust the start's radial distortion k1: standard deviation; 0 = entirely."""
+    k1_sigma: Annotated[float, Field(ge=0)] = 0.1
+    """How far to trust the start's radial distortion k1: standard deviation; 0 = entirely. It is
+    changed only where the photo leaves no doubt."""
 
     sure_support: Fraction = 0.75
     """Share of patches found in place at which no further start is tried."""
@@ -255,6 +256,33 @@ class MutualInformationOptions:
     much they count beside the mutual information."""
 
     max_error_percent: Positive = 0.3
+    """Refuse a camera whose expected error is larger, percent of the photo's width."""
+
+
+@dataclass(frozen=True, config=STRICT)
+class SilhouetteOptions:
+    """How a camera is found from the object's outline, without any start if need be."""
+
+    views: Annotated[int, Field(ge=20, le=5000)] = 500
+    """Directions from which the mesh's outline is compared where there is no start."""
+
+    followed: Annotated[int, Field(ge=1, le=200)] = 24
+    """How many of the likeliest views are fitted coarsely."""
+
+    hypotheses: Annotated[int, Field(ge=1, le=20)] = 5
+    """How many of those, if they differ, are fitted finely and told apart by what is inside."""
+
+    working_px: Annotated[int, Field(ge=64, le=2048)] = 320
+    """Longer side of the reduced photo at the finest level, pixels."""
+
+    max_xor: Fraction = 0.06
+    """Area between the two outlines, as a share of the object's, above which a camera is
+    refused."""
+
+    rival: Annotated[float, Field(ge=1)] = 1.5
+    """A camera from elsewhere is a rival if its area is smaller than this many times the best."""
+
+    max_error_percent: Positive = 1.0
     """Refuse a camera whose expected error is larger, percent of the photo's width."""
 
 

@@ -20,7 +20,7 @@ from starlette.routing import Route
 
 from texproj.errors import InputError, TexprojError, UsageError
 from texproj.preview import work
-from texproj.preview.colors import vertex_colors
+from texproj.preview.colors import texture_colors, vertex_colors
 from texproj.preview.geometry import pack
 from texproj.preview.photos import SIZES, jpeg_of
 from texproj.preview.picking import (
@@ -32,7 +32,7 @@ from texproj.preview.picking import (
 )
 from texproj.preview.picks import VersionConflict, load_picks, numbers, parse_picks, save_picks
 from texproj.preview.security import BodyTooLong, refuse
-from texproj.preview.session import MODEL_FILES, Session, changed, stamps
+from texproj.preview.session import MODEL_FILES, Session, changed, stamp, stamps
 
 BINARY = "application/octet-stream"
 BUNDLE = {
@@ -90,6 +90,7 @@ class Handlers:
             Route("/api/events", self.events),
             Route("/api/mesh/{level}", self.mesh),
             Route("/api/colors", self.colors),
+            Route("/api/colors/light", self.light_colors),
             Route("/api/layers/{layer}", self.layer),
             Route("/api/models/{name}", self.model),
             Route("/api/hit", self.hit, methods=["POST"]),
@@ -132,6 +133,12 @@ class Handlers:
 
     def colors(self, _: Request) -> Response:
         rgba = vertex_colors(self.session.project, self.session.surface)
+        return Response(pack({"rgba": rgba}), media_type=BINARY)
+
+    def light_colors(self, _: Request) -> Response:
+        project, surface = self.session.project, self.session.surface
+        key = ["light colors", surface.key, stamp(project.out / "model.glb")]
+        rgba = self.session.kept(key, lambda: texture_colors(project, surface))
         return Response(pack({"rgba": rgba}), media_type=BINARY)
 
     async def layer(self, request: Request) -> Response:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from texproj.errors import InputError
 from texproj.preview.surface import Surface
@@ -28,3 +29,34 @@ def vertex_colors(project: Project, surface: Surface) -> NDArray[np.uint8]:
     known = source.vertex_of_source >= 0
     out[source.vertex_of_source[known]] = rgba[known]
     return out
+
+
+def texture_colors(project: Project, surface: Surface) -> NDArray[np.uint8]:
+    """(L, 4) uint8 sRGB and 255 (0 = no texture) of each vertex of the light mesh: the texture
+    at the nearest vertex of out/model.glb. Raises InputError where there is none.
+    """
+    path = project.out / "model.glb"
+    if surface.light is None or not path.is_file():
+        raise InputError(f"no {path}, or a mesh too small to be simplified")
+    parts = [_part_colors(part) for part in trimesh.load_scene(path, process=False).dump()]
+    vertices = np.concatenate([xyz for xyz, _ in parts])
+    colors = np.concatenate([rgba for _, rgba in parts])
+    nearest = cKDTree(vertices).query(surface.light.mesh.vertices)[1]
+    return np.ascontiguousarray(colors[nearest])
+
+
+def _part_colors(part: trimesh.Trimesh) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    """Vertices of one primitive, and the texture's color at each."""
+    colors = np.zeros((len(part.vertices), 4), np.uint8)
+    image = getattr(getattr(part.visual, "material", None), "baseColorTexture", None)
+    uv = getattr(part.visual, "uv", None)
+    if image is not None and uv is not None:
+        small = np.asarray(image.convert("RGB").reduce(max(1, max(image.size) // SMALL_PX)))
+        size = np.array([small.shape[1], small.shape[0]])
+        column, row = np.clip((uv * (1, -1) + (0, 1)) * size, 0, size - 1).astype(int).T
+        colors[:, :3], colors[:, 3] = small[row, column], 255
+    return np.asarray(part.vertices), colors
+
+
+SMALL_PX = 2048
+"""Longer side to which the texture is reduced before single texels are taken from it."""

@@ -242,7 +242,9 @@ export class App {
   async loadLight(): Promise<void> {
     if (!this.viewport.surface.faces) return;
     const pack = await api.pack("/api/mesh/light").catch(() => null);
-    if (pack) this.viewport.surface.setLight(pack);
+    if (!pack) return;
+    this.viewport.surface.setLight(pack);
+    if (this.look.layer === "texture") await this.loader.loadLightColors();
   }
 
   /** Look from where the photos were taken, with their upper side up. */

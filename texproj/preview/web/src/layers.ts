@@ -36,9 +36,18 @@ export class LayerLoader {
   }
 
   private async loadTexture(version: string | null): Promise<void> {
-    if (!version || this.texture === version) return;
-    await this.surface.loadTextured(`/api/models/model.glb?v=${version}`);
+    if (!version) return;
+    if (this.texture !== version) await this.surface.loadTextured(`/api/models/model.glb?v=${version}`);
     this.texture = version;
+    this.colors = null;
+    void this.loadLightColors();
+  }
+
+  /** While a textured model moves, the light mesh with the texture's colors stands for it. */
+  async loadLightColors(): Promise<void> {
+    if (!this.surface.hasLight || !this.texture) return;
+    const pack = await api.pack("/api/colors/light").catch(() => null);
+    if (pack) this.surface.setLightColors(pack.arrays.rgba as Uint8Array);
   }
 
   private async loadValues(layer: Layer, version: string, photo: string | null): Promise<void> {

@@ -3,6 +3,7 @@
 import { byId } from "./dom.ts";
 import { at as placeOf, onClick, onPanZoom } from "./gestures.ts";
 import type { Vec2 } from "./lens.ts";
+import { notice } from "./notice.ts";
 import { showHelp } from "./help.ts";
 import type { PickMode, Side } from "./pickmode.ts";
 
@@ -129,7 +130,11 @@ export class PickHands {
 
   private async placeAt(side: Side, at: Vec2): Promise<void> {
     if (side === "photo") this.mode.place(side, this.mode.pane.toPhoto(at), null);
-    else this.mode.place(side, null, await this.mode.app.hit(at));
+    else {
+      const found = await this.mode.app.hit(at);
+      if (found) this.mode.place(side, null, found);
+      else notice("There is no surface there: click on the model.");
+    }
   }
 
   private command(event: KeyboardEvent): boolean {

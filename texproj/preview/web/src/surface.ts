@@ -45,13 +45,23 @@ export class Surface {
     this.copyToLight("rgba", rgba.array as Uint8Array, 4);
     this.copyToLight("value", value.array as Float32Array, 1);
     this.light.visible = false;
+    this.lightHasColors = false;
   }
+
+  /** Colors of the light mesh that stands for the textured one; layer "color" has its own. */
+  setLightColors(rgba: Uint8Array): void {
+    this.light?.geometry.setAttribute("rgba", new THREE.BufferAttribute(rgba, 4, true));
+    this.lightHasColors = this.light !== null;
+  }
+
+  private lightHasColors = false;
 
   get hasLight(): boolean {
     return this.light !== null;
   }
 
   setColors(rgba: Uint8Array): void {
+    this.lightHasColors = false;
     this.setAttribute("rgba", rgba, 4);
   }
 
@@ -109,10 +119,10 @@ export class Surface {
 
   private show(): void {
     const textured = this.layer === "texture" && this.textured !== null;
-    const light = this.moving && this.light !== null && !textured;
+    const light = this.moving && this.light !== null && (!textured || this.lightHasColors);
     if (this.full) this.full.visible = !light && !textured;
     if (this.light) this.light.visible = light;
-    if (this.textured) this.textured.visible = textured;
+    if (this.textured) this.textured.visible = textured && !light;
   }
 
   private texturedMaterial(original: THREE.Material | THREE.Material[]): THREE.ShaderMaterial {
@@ -120,7 +130,7 @@ export class Surface {
     const map = (first as THREE.MeshBasicMaterial).map ?? null;
     const material = surfaceMaterial({ ...this.uniforms, map: { value: map } });
     material.defines[map ? "USE_MAP" : "UNSEEN"] = "";
-    if (map) map.anisotropy = 8;
+    if (map) map.anisotropy = 2;
     return material;
   }
 

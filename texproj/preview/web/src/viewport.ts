@@ -13,12 +13,18 @@ const FLIGHT_MS = 650;
 const SETTLE_MS = 160;
 /** Frames slower than this while moving bring in the light mesh. */
 const SLOW_FRAME_MS = 45;
+/** Pixels drawn per pixel shown, along an edge: moving on a slow machine, moving, still. */
+const COARSE = 0.5;
+const PLAIN = 1;
+const FINE = 2;
+/** Stillness after which the view is drawn fine. */
+const POLISH_MS = 700;
 const MAX_ZOOM = 64;
 /** Part of the distance by which the first view lies behind a photo's, so that the cameras show. */
-const STEP_BACK = 0.75;
+const STEP_BACK = 0.95;
 /** How far the first view is moved up and aside, so that the cameras do not hide the model. */
-const RAISE_RAD = 0.3;
-const ASIDE_RAD = 0.36;
+const RAISE_RAD = 0.16;
+const ASIDE_RAD = 0.5;
 
 interface Pose {
   position: THREE.Vector3;
@@ -54,10 +60,11 @@ export class Viewport {
   private movedAt = -Infinity;
   private lastFrame = 0;
   private slow = false;
+  private wasMoving = false;
   private reach = 4;
 
   constructor(readonly canvas: HTMLCanvasElement) {
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true });
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: false });
     this.renderer.setClearColor(0x2b2b2b);
     this.renderer.toneMapping = THREE.NoToneMapping;
     this.scene.add(this.surface.group, this.frustums.group, this.overlay.mesh);
@@ -69,6 +76,11 @@ export class Viewport {
 
   get flying(): boolean {
     return this.flight !== null;
+  }
+
+  /** Whether it moves, or did until a moment ago. */
+  get moving(): boolean {
+    return performance.now() - this.movedAt < SETTLE_MS || this.quality !== FINE;
   }
 
   get size(): Vec2 {
@@ -248,7 +260,7 @@ export class Viewport {
 
   /** The view as it is now, as a PNG in a data: address. */
   picture(): string {
-    this.surface.setMoving(false);
+    this.setQuality(FINE);
     this.draw(this.sides);
     return this.canvas.toDataURL("image/png");
   }
@@ -293,7 +305,6 @@ export class Viewport {
     const box = this.canvas.parentElement!;
     const [w, h] = [Math.max(box.clientWidth, 1), Math.max(box.clientHeight, 1)];
     const before = this.size;
-    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     this.renderer.setSize(w, h);
     this.camera.aspect = w / h;
     if (this.photoCamera && before[0] > 0) this.window.scale *= Math.min(w / before[0], h / before[1]) || 1;
@@ -360,12 +371,7 @@ export class Viewport {
     }
     const moving = now - this.movedAt < SETTLE_MS;
     this.watchSpeed(now, moving);
-    const coarse = moving && this.slow;
-    if (coarse !== this.wasCoarse) {
-      this.wasCoarse = coarse;
-      this.surface.setMoving(coarse);
-      this.dirty = true;
-    }
+    this.setQuality(moving ? (this.slow ? COARSE : PLAIN) : now - this.movedAt < POLISH_MS ? PLAIN : FINE);
     if (!this.dirty) return;
     this.dirty = false;
     this.frames++;
@@ -373,13 +379,23 @@ export class Viewport {
     this.onFrame();
   }
 
-  private wasCoarse = false;
+  private quality = PLAIN;
+
+  /** Coarse while a slow machine moves, plain when it stops, fine a moment later. */
+  private setQuality(quality: number): void {
+    if (quality === this.quality) return;
+    this.quality = quality;
+    this.surface.setMoving(quality === COARSE);
+    this.renderer.setPixelRatio(quality * Math.min(Math.max(devicePixelRatio, 1), 2));
+    this.dirty = true;
+  }
 
   /** Once full frames prove slow while moving, the light mesh is used from then on. */
   private watchSpeed(now: number, moving: boolean): void {
     const took = now - this.lastFrame;
     this.lastFrame = now;
-    if (moving && this.surface.hasLight && took > SLOW_FRAME_MS && took < 1000) this.slow = true;
+    if (moving && this.wasMoving && took > SLOW_FRAME_MS) this.slow = true;
+    this.wasMoving = moving;
   }
 
   private draw(sides: Sides): void {
