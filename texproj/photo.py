@@ -17,7 +17,8 @@ class PhotoInfo:
     name: file name inside the project's photo folder; focal_px: focal length in pixels of the
     upright full-size image from EXIF, None if not told; camera_body: maker, model and serial
     number, empty if not told; exposure_ev: log2 of the light that the settings (time, aperture,
-    ISO) gather, None if not told; notes: what was missing or odd, one sentence each.
+    ISO) gather, None if not told; notes: what was missing or odd, one sentence each;
+    orientation: the EXIF orientation, 1..8, that made the photo upright.
     """
 
     name: str
@@ -27,6 +28,7 @@ class PhotoInfo:
     camera_body: str = ""
     exposure_ev: float | None = None
     notes: tuple[str, ...] = ()
+    orientation: int = 1
 
 
 @dataclass(frozen=True, eq=False)

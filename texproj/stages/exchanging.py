@@ -20,6 +20,7 @@ from texproj.formats.interchange import (
     ForeignModel,
     Shot,
     detect,
+    upright,
 )
 from texproj.photo import PhotoInfo
 from texproj.project import Project
@@ -30,6 +31,7 @@ from texproj.stages.registering import START_KEY
 
 ImportStatus = Literal["registered", "prior"]
 
+TURNED = "the camera is of the upright picture; where EXIF is ignored, use the photo saved upright"
 LITTLE_IN_VIEW = 0.02
 """Share of the mesh below which even the best camera of a file is worth a doubt."""
 LARGE = 1e6
@@ -118,7 +120,11 @@ def export_cameras(project: Project, kind: str, to: Path | None = None) -> Expor
         for name, content in written.files.items():
             (unfinished / name).write_bytes(content)
     files = tuple(folder / name for name in written.files)
-    return ExportOutcome(kind, files, tuple(shot.name for shot in shots), written.notes)
+    notes = dict(written.notes)
+    for shot in shots:
+        if project.photo_info(shot.name).orientation != 1:
+            notes[shot.name] = "; ".join([*filter(None, [notes.get(shot.name)]), TURNED])
+    return ExportOutcome(kind, files, tuple(shot.name for shot in shots), notes)
 
 
 def _relative(path: Path, folder: Path) -> str:
@@ -219,17 +225,27 @@ def _checked(bench: Workbench, photo: str, found: list[ForeignCamera]) -> tuple[
 
 
 def _of_size(camera: Camera, info: PhotoInfo) -> tuple[Camera, str]:
-    """The camera for the size of the photo. Raises InputError where the shapes differ."""
-    if (camera.width, camera.height) == (info.width, info.height):
-        return camera, ""
+    """The camera for the upright photo. Raises InputError where the shapes differ."""
     told = f"{camera.width} x {camera.height}", f"{info.width} x {info.height}"
+    note = ""
+    if info.orientation != 1:
+        note = "EXIF turns this photo: its camera is taken as one of the upright picture"
+    if not _same_shape(camera, info) and info.orientation > 4:
+        turned = upright(camera, info.orientation)
+        if turned is not None and _same_shape(turned, info):
+            camera, note = turned, "turned upright as EXIF says"
+    if not _same_shape(camera, info):
+        raise InputError(f"its camera is for {told[0]} pixels, the photo has {told[1]}")
+    if (camera.width, camera.height) != (info.width, info.height):
+        rescaled = f"rescaled from {told[0]} to {told[1]} pixels"
+        camera, note = camera.resized(info.width, info.height), f"{note}; {rescaled}".lstrip("; ")
+    return camera, note
+
+
+def _same_shape(camera: Camera, info: PhotoInfo) -> bool:
+    """Whether the photo is the camera's picture but for scale; a pixel of either for rounding."""
     scale = info.width / camera.width
-    if abs(camera.height * scale - info.height) > max(1.0, scale):
-        turned = (camera.height, camera.width) == (info.width, info.height)
-        hint = "; it is for the photo before EXIF turned it upright" if turned else ""
-        raise InputError(f"its camera is for {told[0]} pixels, the photo has {told[1]}{hint}")
-    note = f"rescaled from {told[0]} to {told[1]} pixels"
-    return camera.resized(info.width, info.height), note
+    return abs(camera.height * scale - info.height) <= max(1.0, scale)
 
 
 def _share_in_view(bench: Workbench, camera: Camera) -> float:

@@ -19,6 +19,7 @@ from texproj.formats.interchange.model import (
 from texproj.formats.interchange.nerfstudio import read_nerfstudio, write_nerfstudio
 from texproj.formats.interchange.openmvg import read_openmvg
 from texproj.formats.interchange.realityscan import read_realityscan, write_realityscan
+from texproj.formats.interchange.upright import upright
 
 READERS: dict[str, Callable[[Path, SizeOf], ForeignModel]] = {
     "colmap": read_colmap,
@@ -52,4 +53,5 @@ __all__ = [
     "SizeOf",
     "Written",
     "detect",
+    "upright",
 ]

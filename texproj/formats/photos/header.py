@@ -79,7 +79,7 @@ def read_photo_info(path: Path) -> PhotoInfo:
         notes = ("no EXIF data: focal length and exposure are unknown",)
     return PhotoInfo(
         path.name, width, height, focal_px, _body(header), _exposure_ev(header),
-        (*header.notes, *notes),
+        (*header.notes, *notes), header.orientation,
     )  # fmt: skip
 
 

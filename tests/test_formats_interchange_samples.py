@@ -1,0 +1,479 @@
+"""Camera files of other programs written by hand, with pixels worked out on paper."""
+
+import json
+
+import numpy as np
+import pytest
+
+from texproj.errors import InputError
+from texproj.formats.interchange import READERS, detect
+
+SIZE = (2000, 1500)
+
+
+def read(kind, path, size=SIZE):
+    return READERS[kind](path, lambda name: size)
+
+
+def pixel(model, point, index=0):
+    return model.cameras[index].camera.project([point])[0][0].tolist()
+
+
+# --- COLMAP
+
+
+def colmap_folder(folder, lens="SIMPLE_RADIAL 640 480 500 320 240 0.1"):
+    h = np.sqrt(0.5)
+    (folder / "cameras.txt").write_text(f"# head\n7 {lens}\n")
+    (folder / "images.txt").write_text(
+        f"# head\n3 {h} 0 0 {h} 0 0 5 7 left/a b.jpg\n\n4 1 0 0 0 0 0 5 7 right/c.jpg\n1.5 2.5 -1\n"
+    )
+    return folder
+
+
+def test_colmap_text(tmp_path):
+    """A quarter turn about z puts (1, 0, 0) at (0, 1, 5); k1 = 0.1 makes 0.2 into 0.2008. Names
+    may hold spaces, lines of observations may be empty.
+    """
+    model = read("colmap", colmap_folder(tmp_path))
+
+    assert [c.name for c in model.cameras] == ["left/a b.jpg", "right/c.jpg"]
+    assert pixel(model, (1, 0, 0)) == pytest.approx([320, 340.4])
+    assert pixel(model, (1, 0, 0), 1) == pytest.approx([420.4, 240])
+
+
+LENSES = [
+    ("SIMPLE_PINHOLE 640 480 500 320 240", 0.2),
+    ("PINHOLE 640 480 500 400 320 240", 0.2),
+    ("RADIAL 640 480 500 320 240 0.1 0.5", 0.2 * (1 + 0.1 * 0.04 + 0.5 * 0.0016)),
+    ("OPENCV 640 480 500 400 320 240 0.1 0.5 0 0.01", 0.20096 + 0.01 * 3 * 0.04),
+    ("FULL_OPENCV 640 480 500 400 320 240 0 0 0 0 2 0.1 0 0", 0.2 * (1 + 2 * 6.4e-5) / 1.004),
+]
+
+
+@pytest.mark.parametrize(("lens", "x"), LENSES, ids=lambda v: str(v).split()[0])
+def test_each_colmap_lens(lens, x, tmp_path):
+    """(1, 0, 5) has x/z = 0.2; where it falls follows from the model's formula."""
+    model = read("colmap", colmap_folder(tmp_path, lens))
+
+    assert pixel(model, (1, 0, 0), 1) == pytest.approx([320 + 500 * x, 240])
+
+
+@pytest.mark.parametrize("lens", ["OPENCV_FISHEYE 640 480 500 500 320 240 0 0 0 0",
+                                  "FOV 640 480 500 500 320 240 0.9"])  # fmt: skip
+def test_fisheye_lenses_are_refused_with_a_way_out(lens, tmp_path):
+    """Photos of a fisheye have no camera here, and the reason names the model and what to do."""
+    model = read("colmap", colmap_folder(tmp_path, lens))
+
+    assert model.cameras == ()
+    assert lens.split()[0] in model.refused["right/c.jpg"]
+    assert "undistort" in model.refused["right/c.jpg"]
+
+
+# --- Bundler
+
+
+def test_bundler(tmp_path):
+    """P = (1, 2, -10): p = (0.1, 0.2), 100 px right of and 200 px above the middle; a photo with
+    f = 0 has no camera; the list may tell a focal length.
+    """
+    identity = "1 0 0\n0 1 0\n0 0 1\n0 0 -10\n"
+    text = f"# Bundle file v0.3\n2 1\n1000 0 0\n{identity}0 0 0\n{identity}1 2 3\n255 0 0\n0\n"
+    (tmp_path / "bundle").mkdir()
+    (tmp_path / "bundle" / "bundle.out").write_text(text)
+    (tmp_path / "list.txt").write_text("./my photo.jpg 0 930.5\n./b.jpg\n")
+    model = read("bundler", tmp_path / "bundle" / "bundle.out")
+
+    assert [c.name for c in model.cameras] == ["./my photo.jpg"]
+    assert pixel(model, (1, 2, 0)) == pytest.approx([1100, 550])
+    assert list(model.refused) == ["./b.jpg"] and "no camera" in model.refused["./b.jpg"]
+
+
+def test_bundler_without_the_photo_says_that_it_is_absent(tmp_path):
+    """The format tells no image size: a photo that is not here has no camera, and no error."""
+    (tmp_path / "bundle.out").write_text("# v0.3\n1 0\n9 0 0\n1 0 0\n0 1 0\n0 0 1\n0 0 0\n")
+    (tmp_path / "list.txt").write_text("a.jpg\n")
+
+    model = read("bundler", tmp_path / "bundle.out", None)
+
+    assert (model.cameras, model.absent) == ((), ("a.jpg",))
+
+
+# --- MeshLab
+
+RASTER = """<!DOCTYPE MeshLabDocument>
+<MeshLabProject><MeshGroup><MLMesh filename="m.ply"><MLMatrix44>{matrix}</MLMatrix44></MLMesh>
+</MeshGroup><RasterGroup><MLRaster label="one"><VCGCamera TranslationVector="-1 -2 -10 1"
+LensDistortion="{k}" ViewportPx="2000 1500" PixelSizeMm="0.01 0.02" CenterPx="1000 700"
+FocalMm="30" CameraType="0" BinaryData="{binary}"
+RotationMatrix="1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1 "/><Plane semantic="1" fileName="photos/a.jpg"/>
+</MLRaster></RasterGroup></MeshLabProject>"""
+UNMOVED = "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1"
+
+
+def meshlab_file(tmp_path, matrix=UNMOVED, k="0 0", binary=0):
+    path = tmp_path / "project.mlp"
+    path.write_text(RASTER.format(matrix=matrix, k=k, binary=binary))
+    return path
+
+
+def test_meshlab(tmp_path):
+    """C = (1, 2, 10), (2, 3, 5) is seen at (1, 1) in depth 5: 600 px right of 1000, 300 px above
+    700 counted from the bottom, that is row 500.
+    """
+    model = read("meshlab", meshlab_file(tmp_path))
+
+    assert model.cameras[0].name == "photos/a.jpg" and model.cameras[0].notes == ()
+    assert model.cameras[0].camera.center.tolist() == [1, 2, 10]
+    assert pixel(model, (2, 3, 5)) == pytest.approx([1600, 500])
+
+
+def test_meshlab_layer_matrix_is_undone(tmp_path):
+    """The layer doubles the mesh and adds 1 to x: (0.5, 1.5, 2.5) in the file is (2, 3, 5)."""
+    model = read("meshlab", meshlab_file(tmp_path, "2 0 0 1 0 2 0 0 0 0 2 0 0 0 0 1"))
+
+    assert pixel(model, (0.5, 1.5, 2.5)) == pytest.approx([1600, 500])
+    assert "matrix" in model.notes[0]
+
+
+def test_meshlab_distortion_is_ignored_with_a_word(tmp_path):
+    assert "ignored" in read("meshlab", meshlab_file(tmp_path, k="0.1 0")).cameras[0].notes[0]
+
+
+# --- Metashape
+
+CHUNK = """<?xml version="1.0" encoding="UTF-8"?><document version="2.0.0"><chunk>
+<sensors><sensor id="0" type="frame"><resolution width="2000" height="1500"/>
+<calibration type="frame" class="initial"><f>9</f></calibration>
+<calibration type="{kind}" class="adjusted"><f>1000</f>{lens}</calibration></sensor></sensors>
+{before}<cameras>
+<group><camera id="0" sensor_id="0" label="A"><transform>1 0 0 1 0 1 0 0 0 0 1 0 0 0 0 1</transform>
+</camera></group><camera id="1" sensor_id="0" label="B"/></cameras>{after}</chunk></document>"""
+TRANSFORM = """<transform><rotation locked="false">0 -1 0 1 0 0 0 0 1</rotation>
+<translation>10 20 30</translation><scale>2</scale></transform>"""
+
+
+def metashape_file(tmp_path, kind="frame", lens="", before="", after=""):
+    path = tmp_path / "cameras.xml"
+    path.write_text(CHUNK.format(kind=kind, lens=lens, before=before, after=after))
+    return path
+
+
+def test_metashape_chunk_transform(tmp_path):
+    """The camera at (1, 0, 0) of the chunk stands at 2 R (1, 0, 0) + (10, 20, 30) = (10, 22, 30),
+    its x axis along world y; a camera without a transform is not aligned.
+    """
+    model = read("metashape", metashape_file(tmp_path, after=TRANSFORM))
+
+    assert [c.name for c in model.cameras] == ["A"] and "not aligned" in model.refused["B"]
+    assert model.cameras[0].camera.center.tolist() == [10, 22, 30]
+    assert pixel(model, (10, 23, 34)) == pytest.approx([1000 + 250, 750])
+
+
+def test_metashape_component_transform(tmp_path):
+    """Newer files keep the transform in a component that the camera names."""
+    component = f'<components><component id="3">{TRANSFORM}</component></components>'
+    path = metashape_file(tmp_path, before=component)
+    path.write_text(path.read_text().replace('sensor_id="0"', 'sensor_id="0" component_id="3"'))
+
+    assert read("metashape", path).cameras[0].camera.center.tolist() == [10, 22, 30]
+
+
+def test_metashape_lens(tmp_path):
+    """x = 0.2, y = 0, r^2 = 0.04: u gains 3 p1 r^2 and v gains p2 r^2; b1 widens x, cx counts from
+    the middle.
+    """
+    lens = "<cx>5</cx><cy>-3</cy><b1>100</b1><k1>0.1</k1><p1>0.01</p1><p2>0.02</p2>"
+    model = read("metashape", metashape_file(tmp_path, lens=lens))
+    x, y = 0.2 * 1.004 + 0.01 * 0.12, 0.02 * 0.04
+
+    assert pixel(model, (2, 0, 5)) == pytest.approx([1005 + 1100 * x, 747 + 1000 * y])
+
+
+def test_metashape_fourth_radial_term_is_fitted(tmp_path):
+    """k4, which OpenCV's lens lacks, is met within the error that the note tells, all over the
+    picture; the note's error is small.
+    """
+    path = metashape_file(tmp_path, lens="<k1>-0.1</k1><k2>0.05</k2><k4>0.02</k4>")
+    found = read("metashape", path).cameras[0]
+    x = np.linspace(0.0, 1.0, 50)
+    told = x * (1 - 0.1 * x**2 + 0.05 * x**4 + 0.02 * x**8)
+    ours = found.camera.intrinsics.distort(np.stack([x, 0 * x], axis=1))[:, 0]
+    claimed = float(found.notes[0].split("within ")[1].split(" px")[0])
+
+    assert 1000 * np.abs(ours - told).max() <= 1.05 * claimed < 0.05
+
+
+def test_metashape_skew_is_told(tmp_path):
+    """b2 = 2 at half the height of 1500 px and f = 1000: 1.5 px."""
+    found = read("metashape", metashape_file(tmp_path, lens="<b2>2</b2>")).cameras[0]
+
+    assert "b2 = 2" in found.notes[0] and "1.5 px" in found.notes[0]
+
+
+def test_metashape_fisheye_is_refused(tmp_path):
+    assert "fisheye" in read("metashape", metashape_file(tmp_path, kind="fisheye")).refused["A"]
+
+
+def test_metashape_georeferenced_chunk_is_told(tmp_path):
+    after = '<reference>GEOGCS["WGS 84"]</reference>'
+
+    assert "georeferenced" in read("metashape", metashape_file(tmp_path, after=after)).notes[0]
+
+
+# --- RealityScan
+
+HEADER = "#name,x,y,alt,heading,pitch,roll,f,px,py,k1,k2,k3,k4,t1,t2\n"
+
+
+@pytest.mark.parametrize(
+    ("angles", "point", "expected"),
+    [
+        ("0,0,0", (1, 2, 0), (1200, 350)),  # looks down, top to north: x right, y up
+        ("90,0,0", (1, 2, 0), (600, 550)),  # top to east: north is left
+        ("0,90,0", (1, 10, 12), (1200, 350)),  # level, looks north: east is right, z up
+        ("90,90,0", (10, 2, 12), (600, 350)),  # level, looks east: north is left
+    ],
+)
+def test_realityscan(angles, point, expected, tmp_path):
+    """From (0, 0, 10) with f = 36 mm, that is 2000 px, and 10 units of distance."""
+    path = tmp_path / "a.csv"
+    path.write_text(f"{HEADER}a.jpg,0,0,10,{angles},36,0,0,0,0,0,0,0,0\n")
+
+    assert pixel(read("realityscan", path), point) == pytest.approx(expected)
+
+
+def test_realityscan_principal_point(tmp_path):
+    """px = 0.01 of the longer side is 20 px, also down."""
+    path = tmp_path / "a.csv"
+    path.write_text(f"{HEADER}a.jpg,0,0,10,0,0,0,36,0.01,0.01,0,0,0,0,0,0\n")
+
+    assert pixel(read("realityscan", path), (0, 0, 0)) == pytest.approx((1020, 770))
+
+
+# --- nerfstudio
+
+
+def transforms(tmp_path, **more):
+    matrix = [[1, 0, 0, 1], [0, 1, 0, 2], [0, 0, 1, 10], [0, 0, 0, 1]]
+    frame = {"file_path": "./images/a.png", "transform_matrix": matrix}
+    content = {"w": 2000, "h": 1500, "fl_x": 1000, "cx": 1000, "cy": 750, "frames": [frame]}
+    path = tmp_path / "transforms.json"
+    path.write_text(json.dumps({k: v for k, v in (content | more).items() if v is not None}))
+    return path
+
+
+def test_nerfstudio(tmp_path):
+    """From (1, 2, 10) down -z, (2, 3, 5) is 0.2 right and 0.2 up."""
+    assert pixel(read("nerfstudio", transforms(tmp_path)), (2, 3, 5)) == pytest.approx([1200, 550])
+
+
+def test_nerfstudio_applied_transform_is_undone(tmp_path):
+    """The file's world is (x, z, -y) of ours, twice as large: (2, 3, 5) there is ours at
+    (1, -2.5, 1.5).
+    """
+    applied = [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0]]
+    model = read("nerfstudio", transforms(tmp_path, applied_transform=applied, applied_scale=2))
+
+    assert pixel(model, (1, -2.5, 1.5)) == pytest.approx([1200, 550])
+    assert "undone" in model.notes[0]
+
+
+def test_nerfstudio_field_of_view(tmp_path):
+    """90 degrees over 2000 px: f = 1000."""
+    path = transforms(tmp_path, fl_x=None, camera_angle_x=np.pi / 2)
+
+    assert pixel(read("nerfstudio", path), (2, 3, 5)) == pytest.approx([1200, 550])
+
+
+def test_nerfstudio_fisheye_is_refused(tmp_path):
+    model = read("nerfstudio", transforms(tmp_path, camera_model="OPENCV_FISHEYE"))
+
+    assert "OPENCV_FISHEYE" in model.refused["./images/a.png"]
+
+
+# --- openMVG
+
+
+def openmvg_file(tmp_path):
+    def view(number, pose, lens):
+        data = {"filename": f"{number}.jpg", "id_pose": pose, "id_intrinsic": lens}
+        return {"key": number, "value": {"ptr_wrapper": {"data": data}}}
+
+    def lens(key, type_number, name, data):
+        named = {"polymorphic_name": name} if name else {}
+        return {"key": key, "value": {"polymorphic_id": type_number, **named,
+                                      "ptr_wrapper": {"data": data}}}  # fmt: skip
+
+    base = {"width": 2000, "height": 1500, "focal_length": 1000, "principal_point": [1000, 750]}
+    t2 = [0.1, 0, 0, 0.02, 0.01]
+    content = {
+        "sfm_data_version": "0.3",
+        "views": [view(0, 0, 0), view(1, 0, 1), view(2, 9, 0), view(3, 0, 2)],
+        "intrinsics": [
+            lens(0, 0x80000001, "pinhole_brown_t2", {**base, "disto_t2": t2}),
+            lens(1, 1, None, {"value0": base, "disto_t2": [0] * 5}),
+            lens(2, 0x80000002, "fisheye", {**base, "fisheye": [0] * 4}),
+        ],
+        "extrinsics": [{"key": 0, "value": {"rotation": [[0, 1, 0], [-1, 0, 0], [0, 0, 1]],
+                                            "center": [1, 2, 3]}}],
+    }  # fmt: skip
+    path = tmp_path / "sfm_data.json"
+    path.write_text(json.dumps(content))
+    return path
+
+
+def test_openmvg(tmp_path):
+    """(1, 3, 8) is seen at (1, 0, 5): x = 0.2, r^2 = 0.04; a type is named only once in the file,
+    and a base class may be an object of its own.
+    """
+    model = read("openmvg", openmvg_file(tmp_path))
+    x, y = 0.2 * 1.004 + 0.01 * 0.12, 0.02 * 0.04
+
+    assert [c.name for c in model.cameras] == ["0.jpg", "1.jpg"]
+    assert pixel(model, (1, 3, 8)) == pytest.approx([1000 + 1000 * x, 750 + 1000 * y])
+    assert pixel(model, (1, 3, 8), 1) == pytest.approx([1200, 750])
+    assert "no pose" in model.refused["2.jpg"] and "fisheye" in model.refused["3.jpg"]
+
+
+# --- Meshroom
+
+VERSIONS = [
+    ((1, 1, 0), {"pxFocalLength": "1000", "principalPoint": ["1010", "740"]}),
+    ((1, 2, 0), {"pxFocalLength": ["1000", "1000"], "principalPoint": ["1010", "740"]}),
+    ((1, 2, 1), {"pxFocalLength": ["1000", "1000"], "principalPoint": ["10", "-10"]}),
+    ((1, 2, 6), {"focalLength": "18", "sensorWidth": "36", "principalPoint": ["10", "-10"]}),
+]
+
+
+@pytest.mark.parametrize(("version", "lens"), VERSIONS, ids=lambda v: str(v)[:12])
+def test_meshroom(version, lens, tmp_path):
+    """The same camera in each version's words: (1, 3, 8) from (1, 2, 3) with x along world y is at
+    (1, 0, 5); the rotation is written by columns, a view may have no pose.
+    """
+    content = {
+        "version": [str(n) for n in version],
+        "views": [{"poseId": "5", "intrinsicId": "7", "path": "/x/a.jpg"},
+                  {"poseId": "6", "intrinsicId": "7", "path": "/x/b.jpg"}],
+        "intrinsics": [{"intrinsicId": "7", "width": "2000", "height": "1500", "type": "radial3",
+                        "distortionParams": ["0.1", "0", "0"], **lens}],
+        "poses": [{"poseId": "5", "pose": {"transform": {
+            "rotation": ["0", "-1", "0", "1", "0", "0", "0", "0", "1"],
+            "center": ["1", "2", "3"]}}}],
+    }  # fmt: skip
+    path = tmp_path / "cameras.sfm"
+    path.write_text(json.dumps(content))
+    model = read("meshroom", path)
+
+    assert pixel(model, (1, 3, 8)) == pytest.approx([1010 + 200.8, 740])
+    assert "no pose" in model.refused["/x/b.jpg"]
+
+
+# --- which format
+
+
+def test_the_format_is_found_from_name_and_content(tmp_path):
+    """Files by their ending, JSON by what is in it, COLMAP by its folder or one of its files."""
+    (tmp_path / "sparse" / "0").mkdir(parents=True)
+    colmap_folder(tmp_path / "sparse" / "0")
+    kinds = {
+        meshlab_file(tmp_path): "meshlab", metashape_file(tmp_path): "metashape",
+        transforms(tmp_path): "nerfstudio", openmvg_file(tmp_path): "openmvg",
+        tmp_path / "sparse" / "0" / "images.txt": "colmap", tmp_path: "colmap",
+    }  # fmt: skip
+
+    assert {path: detect(path)[0] for path in kinds} == kinds
+    assert detect(tmp_path)[1] == tmp_path / "sparse" / "0"
+    assert detect(tmp_path, "metashape") == ("metashape", tmp_path / "cameras.xml")
+
+
+@pytest.mark.parametrize("name", ["absent.xml", "empty", "a.txt", "other.json"])
+def test_what_is_no_camera_file_is_said(name, tmp_path):
+    """One sentence that names the path."""
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "a.txt").write_text("hello")
+    (tmp_path / "other.json").write_text("{}")
+
+    with pytest.raises(InputError, match=name):
+        detect(tmp_path / name)
+
+
+# --- broken files
+
+R9, T16 = "1 0 0 0 1 0 0 0 1", "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1"
+BROKEN = [
+    ("metashape", "c.xml", "<document><chunk>", "not XML"),
+    ("metashape", "c.xml", "<html/>", "not a Metashape camera file"),
+    ("metashape", "c.xml", CHUNK.format(
+        kind="frame", lens="<k1>x</k1>", before="", after=""), "k1"),
+    ("metashape", "c.xml", CHUNK.replace("1 0 0 1 0 1", "1 0 0 1 0 5").format(
+        kind="frame", lens="", before="", after=""), "not a rotation"),
+    ("metashape", "c.xml", CHUNK.format(kind="frame", lens="", before="", after=TRANSFORM.replace(
+        "<scale>2", "<scale>-2")), "scale"),
+    ("meshlab", "p.mlp", "<project/>", "not a MeshLab project"),
+    ("meshlab", "p.mlp", RASTER.format(matrix=UNMOVED, k="0 0", binary=1), "binary"),
+    ("meshlab", "p.mlp", RASTER.format(matrix="1 2", k="0 0", binary=0), "16 numbers"),
+    ("meshlab", "p.mlp", RASTER.format(matrix=UNMOVED, k="nan 0", binary=0), "LensDistortion"),
+    ("realityscan", "c.csv", "name,x,y\n", "no column 'alt'"),
+    ("realityscan", "c.csv", f"{HEADER}a.jpg,1,2\n", "line 2"),
+    ("realityscan", "c.csv", f"{HEADER}a.jpg,0,0,east,0,0,0,36,0,0,0,0,0,0,0,0\n", "alt"),
+    ("nerfstudio", "t.json", '{"frames": 3}', "must be a list"),
+    ("nerfstudio", "t.json", '{"frames": [', "line 1: not JSON"),
+    ("nerfstudio", "t.json", '{"frames": [{"file_path": "a"}]}', "focal length"),
+    ("nerfstudio", "t.json", '{"fl_x": 9, "frames": [{"file_path": "a", "transform_matrix": []}]}',
+     "3 or 4 rows"),
+    ("nerfstudio", "t.json", "[]", "an object"),
+    ("openmvg", "s.json", '{"views": [], "intrinsics": []}', "no 'extrinsics'"),
+    ("meshroom", "c.sfm", '{"version": ["1", "9", "0"]}', "1.9.0"),
+    ("meshroom", "c.sfm", '{"version": ["1", "2", "0"], "views": []}', "no 'intrinsics'"),
+    ("bundler", "b.out", "no cameras here\n", "not a Bundler file"),
+    ("bundler", "b.out", "# v0.3\n2 0\n9 0 0\n", "ends in the middle"),
+    ("bundler", "b.out", "# v0.3\n2 0\n" + "9 0 0\n1 0 0\n0 1 0\n0 0 1\n0 0 0\n" * 2, "1 photos"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "name", "text", "words"), BROKEN)
+def test_a_broken_file_is_one_sentence(kind, name, text, words, tmp_path):
+    """It names the file and what is wrong in it."""
+    (tmp_path / name).write_text(text)
+    (tmp_path / "list.txt").write_text("a.jpg\n")
+
+    with pytest.raises(InputError, match=words) as error:
+        read(kind, tmp_path / name)
+
+    assert name in str(error.value) and "\n" not in str(error.value)
+
+
+BROKEN_COLMAP = [
+    ("cameras.txt", "7 LENS 1 2 3\n", "line 1"),
+    ("cameras.txt", "7\n", "line 1"),
+    ("cameras.txt", "7 PINHOLE 640 480 500\n", "6 numbers"),
+    ("cameras.txt", "8 PINHOLE 640 480 500 500 320 240\n", "camera 7 is not in"),
+    ("images.txt", "3 1 0 0 0 0 0\n\n", "line 1"),
+    ("images.txt", "3 0 0 0 0 0 0 5 7 a.jpg\n\n", "unit quaternion"),
+    ("images.txt", "3 nan 0 0 0 0 0 5 7 a.jpg\n\n", "line 1"),
+    ("cameras.bin", b"\x01\0\0\0\0\0\0\0\x01\0", "ends in the middle"),
+    ("cameras.bin", b"\x01" + 7 * b"\0" + b"\x01\0\0\0\x63\0\0\0" + 16 * b"\0", "unknown model 99"),
+]
+
+
+@pytest.mark.parametrize(("name", "content", "words"), BROKEN_COLMAP)
+def test_a_broken_colmap_model_is_one_sentence(name, content, words, tmp_path):
+    """It names the file, the line and what is wrong."""
+    colmap_folder(tmp_path)
+    if isinstance(content, bytes):
+        (tmp_path / name).write_bytes(content)
+        (tmp_path / "images.bin").write_bytes(8 * b"\0")
+    else:
+        (tmp_path / name).write_text(content)
+
+    with pytest.raises(InputError, match=words):
+        read("colmap", tmp_path)
+
+
+def test_a_bundle_without_its_list_says_what_to_do(tmp_path):
+    (tmp_path / "bundle").mkdir()
+    (tmp_path / "bundle" / "b.out").write_text("# v0.3\n0 0\n")
+
+    with pytest.raises(InputError, match=r"list\.txt"):
+        read("bundler", tmp_path / "bundle" / "b.out")
