@@ -19,9 +19,11 @@ from texproj.photo import Photo
 from texproj.records import Fit
 from texproj.register.structure_solve import (
     FINE_SCALE_PX,
+    LENS,
     Candidate,
     LensPrior,
     approach,
+    covariance,
     refine,
     with_outline,
 )
@@ -140,12 +142,11 @@ def _fit(
     offset = fit.x.project(seen.xyz_in_world)[0] - seen.matches.target_px
     residual = np.linalg.norm(offset, axis=1)
     inliers = residual < 3 * FINE_SCALE_PX
-    # overlapping patches repeat each other
-    covariance = fit.covariance() * (seen.rule.size_px / seen.rule.step_px) ** 2
+    uncertainty = covariance(seen, fit)
     scatter = float(np.median(residual[inliers])) if inliers.any() else np.inf
     shared = SYSTEMATIC * scatter * max(1.0, FULL_AGREEMENT / max(verdict.agreement, 0.01))
-    lens = LensPrior.of(camera, options).free
-    expected = scale * float(np.hypot(_spread_px(fit.x, seen, covariance, lens), shared))
+    lens = LENS[: len(uncertainty) - 6]
+    expected = scale * float(np.hypot(_spread_px(fit.x, seen, uncertainty, lens), shared))
     reason = verdict.reason or _doubt(expected, camera, options)
     return Fit(
         camera=camera,
@@ -153,7 +154,7 @@ def _fit(
         expected_error_px=expected,
         residual_px=residual * scale,
         inliers=inliers,
-        covariance=covariance,
+        covariance=uncertainty,
         solved=("rotation", "translation", *lens),
         accepted=not reason,
         reason=reason,
@@ -168,11 +169,11 @@ def _fit(
 
 
 def _spread_px(
-    camera: Camera, seen: Observation, covariance: Array, lens: tuple[str, ...]
+    camera: Camera, seen: Observation, uncertainty: Array, lens: tuple[str, ...]
 ) -> float:
     """Standard deviation of the surface's image by the fit's covariance, pixels of the level."""
     jacobian = projection_jacobian(camera, seen.xyz_in_world, lens)
-    return float(np.sqrt(np.einsum("nip,pq,niq->n", jacobian, covariance, jacobian).mean()))
+    return float(np.sqrt(np.einsum("nip,pq,niq->n", jacobian, uncertainty, jacobian).mean()))
 
 
 def _doubt(expected_px: float, camera: Camera, options: StructureOptions) -> str:

@@ -28,6 +28,8 @@ MIDDLE_SCALE_PX, FINE_SCALE_PX = 1.0, 1.5
 """Cauchy scales: the scatter of right matches at each level."""
 FOUND_WITHIN_PX = 2.0
 """A patch agrees with a camera if found this close to its place, pixels of the level."""
+LENS = ("focal", "k1")
+"""Intrinsics that may be solved, in the order of the covariance."""
 LEAST_MATCHES = 12
 """Matches, and patches, below which nothing is concluded."""
 FULL_PATCHES = 50
@@ -36,6 +38,8 @@ LEAST_SUPPORT = 0.1
 """Share of patches that must agree on a start's camera for it to be followed any further."""
 STILL_PX, MOST_ROUNDS = 0.5, 3
 """Motion, pixels of the fine level, at which refining stops, and most repetitions."""
+SURE_SIGMAS = 4.5
+"""Significance from which on a change of k1 is believed; lenses without any gave up to 3.8."""
 STEPS = LmOptions(max_iterations=30, cost_tolerance=1e-6)
 
 
@@ -59,7 +63,7 @@ class LensPrior:
     @property
     def free(self) -> tuple[str, ...]:
         """The intrinsics to solve."""
-        return ("focal", "k1") if self.k1_sigma else ("focal",)
+        return LENS if self.k1_sigma else LENS[:1]
 
     def priors(self, enlarged: float) -> tuple[Prior, ...]:
         """For the least squares in a picture enlarged by a factor."""
@@ -109,14 +113,30 @@ def refine(
 ) -> tuple[Observation, LmFit[Camera]] | None:
     """The last matches at the fine level and the fit to them, pose and lens together.
 
-    Matched again until the camera stays where it is, so that the matches are those of the
-    fitted camera. None if there is too little to match.
+    k1 is solved only if it differs from what is known by `SURE_SIGMAS`. None if there is too
+    little to match.
     """
     seen = view.observe(camera, EXACT)
     agreed = consensus(view, seen, FINE_SCALE_PX)
     if agreed is None:
         return None
-    fit = least_squares(view, seen, view.camera_at(agreed, FINE), known)
+    plain = replace(known, k1_sigma=0.0)
+    fit = least_squares(view, seen, view.camera_at(agreed, FINE), plain)
+    found = _settle(view, fit, plain)
+    if found is None or not known.k1_sigma:
+        return found
+    seen, fit = found
+    bent = least_squares(view, seen, fit.x, known)
+    change = abs(bent.x.intrinsics.dist[0] - known.k1)
+    if change < SURE_SIGMAS * np.sqrt(covariance(seen, bent)[-1, -1]):
+        return found
+    return _settle(view, bent, known)
+
+
+def _settle(
+    view: StructureView, fit: LmFit[Camera], known: LensPrior
+) -> tuple[Observation, LmFit[Camera]] | None:
+    """Matched again until the camera stays where it is, so that the matches are its own."""
     for _ in range(MOST_ROUNDS):
         seen = view.observe(view.full_camera(fit.x), LAST)
         if len(seen.matches) < LEAST_MATCHES:
@@ -125,6 +145,11 @@ def refine(
         if motion_px(fit.x, seen.camera, seen.xyz_in_world) < STILL_PX:
             break
     return seen, fit
+
+
+def covariance(seen: Observation, fit: LmFit[Camera]) -> Array:
+    """(p, p) of the fit's parameters; overlapping patches repeat each other."""
+    return fit.covariance() * (seen.rule.size_px / seen.rule.step_px) ** 2
 
 
 def consensus(view: StructureView, seen: Observation, scale_px: float) -> Camera | None:
