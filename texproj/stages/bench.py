@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from dataclasses import replace
 from functools import cached_property
 from types import TracebackType
 
@@ -12,9 +13,13 @@ from numpy.typing import NDArray
 from texproj.camera import Camera
 from texproj.mesh import Mesh, MeshSource
 from texproj.project import Project
+from texproj.register.features import Known
 from texproj.render import GBuffer, Renderer, Scene, ambient_occlusion, open_renderer
+from texproj.solve.features import Features, find_features
 
 SURFACE_SAMPLES = 2000
+FEATURES_LONGEST = 1280
+"""Longer side, pixels, to which photos are reduced to find features."""
 REGISTRATION_CHANNELS = ("depth", "normal", "ao")
 
 
@@ -24,6 +29,7 @@ class Workbench:
     def __init__(self, project: Project) -> None:
         self.project = project
         self._open = ExitStack()
+        self._features: dict[str, Features] = {}
 
     def __enter__(self) -> Workbench:
         return self
@@ -83,6 +89,25 @@ class Workbench:
     @cached_property
     def _bare_scene(self) -> Scene:
         return self._open.enter_context(self.renderer.load(self.mesh))
+
+    def features(self, name: str) -> Features:
+        """The features of a photo, found at a reduced size, in full-size pixels."""
+        if name not in self._features:
+            photo = self.project.load_photo(name, FEATURES_LONGEST)
+            valid = None if photo.mask is None else photo.mask > 0
+            found = find_features(photo.gray(), valid)
+            to_full = photo.info.width / photo.width
+            self._features[name] = replace(found, xy_px=found.xy_px * to_full)
+        return self._features[name]
+
+    def known(self, name: str, camera: Camera) -> Known:
+        """A registered photo as others are compared with it."""
+        small = camera.scaled(min(1.0, FEATURES_LONGEST / max(camera.width, camera.height)))
+        depth = self.plain_scene.gbuffer(small, ("depth",)).depth
+        assert depth is not None
+        record = self.project.load_cameras()[name]
+        error = float(record.quality.get("expected_error_px") or 0)
+        return Known(camera, self.features(name), depth, error)
 
     def render(self, camera: Camera) -> GBuffer:
         """Depth, normals and ambient occlusion from `camera`."""

@@ -4,13 +4,14 @@ project has the means for.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from texproj.camera import Camera, Intrinsics
 from texproj.errors import RegistrationError
 from texproj.project import Project
 from texproj.records import CameraRecord, Fit
+from texproj.register.features import register_features
 from texproj.register.points import register_points
 from texproj.register.structure import register_structure
 from texproj.stages.bench import Workbench
@@ -18,46 +19,65 @@ from texproj.stages.bench import Workbench
 REGISTRATION_LONGEST = 1024
 """Longer side, pixels, to which photos are reduced for matching."""
 
+NEAREST = 4
+"""From how many other cameras a photo without a start of its own is tried."""
+MOST_COMPARED = 8
+"""With how many other photos the features of a photo are compared."""
+
+Neighbors = Mapping[str, Camera]
+"""Registered cameras of other photos by name, those next in the order of names first."""
+
 NOTHING_TO_START_FROM = (
     "nothing to start from: pick at least 4 points, or give an approximate camera in cameras.json"
 )
 
 
 def find_camera(
-    bench: Workbench, name: str, start: CameraRecord | None, neighbors: Sequence[Camera]
+    bench: Workbench, name: str, start: CameraRecord | None, neighbors: Neighbors
 ) -> Fit:
-    """The camera of photo `name`; an unaccepted fit or RegistrationError says why there is none.
+    """The camera of photo `name` by the method of the settings, or by its own means: picks, they
+    are the surest, then structure from wherever there is a start.
 
-    start: what is known beforehand; neighbors: cameras of other photos, tried where nothing is.
+    An unaccepted fit or RegistrationError says why there is none.
     """
     asked = bench.project.settings.options("register").method
     if asked != "auto":
-        return METHODS[asked](bench, name, start)
-    return _by_all_means(bench, name, start, neighbors)
-
-
-def needs_neighbors(project: Project, name: str, start: CameraRecord | None) -> bool:
-    """Whether a photo has neither picks nor a pose to start from."""
-    posed = start is not None and start.pose is not None
-    return not posed and not project.correspondences_path(name).is_file()
-
-
-def _by_all_means(
-    bench: Workbench, name: str, start: CameraRecord | None, neighbors: Sequence[Camera]
-) -> Fit:
-    """Picks first, they are the surest; then structure, from wherever there is a start."""
+        return METHODS[asked](bench, name, start, neighbors)
     refusals: list[str] = []
     starts: list[Camera] = []
     if bench.project.correspondences_path(name).is_file():
-        fit = _tried(lambda: _by_points(bench, name, start), refusals, starts)
+        fit = _tried(partial(_by_points, bench, name, start, neighbors), refusals, starts)
         if fit is not None:
             return fit
     if start is not None and start.camera is not None:
         starts.append(start.camera)
-    if needs_neighbors(bench.project, name, start):
-        starts += [_in_place_of(bench.project, name, start, camera) for camera in neighbors]
-    for camera in starts:
-        fit = _tried(partial(_from_camera, bench, name, camera), refusals, [])
+    return _first([partial(_from_camera, bench, name, camera) for camera in starts], refusals)
+
+
+def find_by_others(
+    bench: Workbench, name: str, start: CameraRecord | None, neighbors: Neighbors
+) -> Fit:
+    """The camera of photo `name` by what other photos show of the same surface; then by structure
+    from where they were taken. Raises RegistrationError.
+    """
+    others = [_in_place_of(bench.project, name, start, neighbors[n]) for n in neighbors]
+    if has_means(bench.project, name, start):
+        others = []
+    attempts = [partial(_by_features, bench, name, start, neighbors)]
+    attempts += [partial(_from_camera, bench, name, camera) for camera in others[:NEAREST]]
+    return _first(attempts, [])
+
+
+def has_means(project: Project, name: str, start: CameraRecord | None) -> bool:
+    """Whether a photo has picks or a pose to start from, and so needs no other photo."""
+    posed = start is not None and start.pose is not None
+    return posed or project.correspondences_path(name).is_file()
+
+
+def _first(attempts: Sequence[Callable[[], Fit]], refusals: list[str]) -> Fit:
+    """The first fit that is accepted; RegistrationError with all reasons if none is."""
+    for attempt in attempts:
+        fit = _tried(attempt, refusals, [])
         if fit is not None:
             return fit
     raise RegistrationError("; ".join(dict.fromkeys(refusals)) or NOTHING_TO_START_FROM)
@@ -92,7 +112,7 @@ def _in_place_of(
     return Camera(Intrinsics(info.width, info.height, focal, focal, *middle), neighbor.pose)
 
 
-def _by_points(bench: Workbench, name: str, start: CameraRecord | None) -> Fit:
+def _by_points(bench: Workbench, name: str, start: CameraRecord | None, _: Neighbors) -> Fit:
     project = bench.project
     picks = project.load_correspondences(name)
     if picks is None:
@@ -105,7 +125,7 @@ def _by_points(bench: Workbench, name: str, start: CameraRecord | None) -> Fit:
     return register_points(info, picks, prior, options, pose, bench.surface_sample)
 
 
-def _by_structure(bench: Workbench, name: str, start: CameraRecord | None) -> Fit:
+def _by_structure(bench: Workbench, name: str, start: CameraRecord | None, _: Neighbors) -> Fit:
     if start is None or start.camera is None:
         raise RegistrationError(NOTHING_TO_START_FROM)
     return _from_camera(bench, name, start.camera)
@@ -117,8 +137,22 @@ def _from_camera(bench: Workbench, name: str, start: Camera) -> Fit:
     return register_structure(photo, start, bench.render, options)
 
 
-METHODS: dict[str, Callable[[Workbench, str, CameraRecord | None], Fit]] = {
+def _by_features(
+    bench: Workbench, name: str, start: CameraRecord | None, neighbors: Neighbors
+) -> Fit:
+    if not neighbors:
+        raise RegistrationError("no other photo is registered; register one by picked points first")
+    known = [bench.known(n, neighbors[n]) for n in list(neighbors)[:MOST_COMPARED]]
+    info = bench.project.photo_info(name)
+    features = bench.features(name)
+    prior = start.intrinsics if start is not None else None
+    options = bench.project.settings.options("points")
+    return register_features(info, features, known, prior, options, bench.surface_sample)
+
+
+METHODS: dict[str, Callable[[Workbench, str, CameraRecord | None, Neighbors], Fit]] = {
     "points": _by_points,
     "structure": _by_structure,
+    "features": _by_features,
 }
 """What `--method NAME` does, from what is known beforehand."""

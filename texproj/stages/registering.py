@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,16 +22,17 @@ from texproj.stages.freshness import (
     file_inputs,
     options_inputs,
 )
-from texproj.stages.methods import find_camera, needs_neighbors
+from texproj.stages.methods import Neighbors, find_by_others, find_camera, has_means
 from texproj.stages.progress import Progress, silent
 
 STAGE = "register"
 VERSION = 1
 SECTIONS = ("register", "points", "structure", "render")
+OTHERS = "other registered photos"
 START_KEY = "start"
 """Key of a cameras.json entry under which the camera is kept that registration started from."""
-NEIGHBORS = 4
-"""From how many other cameras a photo without a start of its own is tried."""
+
+Find = Callable[[Workbench, str, CameraRecord | None, Neighbors], Fit]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,12 +60,15 @@ def register_photos(
     project = bench.project
     entries = project.load_cameras()
     chosen = list(names) if names is not None else project.photo_names
-    lonely = [n for n in chosen if needs_neighbors(project, n, start_of(entries.get(n)))]
-    outcomes = {}
-    for done, name in enumerate([n for n in chosen if n not in lonely] + lonely):
-        progress(STAGE, done, len(chosen), name)
-        outcomes[name] = _register_one(bench, name, entries)
-        entries[name] = outcomes[name].record
+    outcomes: dict[str, PhotoOutcome] = {}
+    able = [n for n in chosen if has_means(project, n, start_of(entries.get(n)))]
+    auto = project.settings.options("register").method == "auto"
+    for find, wanted in ((find_camera, able if auto else chosen), (find_by_others, chosen)):
+        for name in wanted:
+            if name not in outcomes or (auto and outcomes[name].failed):
+                progress(STAGE, min(len(outcomes), len(chosen) - 1), len(chosen), name)
+                outcomes[name] = _register_one(bench, name, entries, find)
+                entries[name] = outcomes[name].record
     progress(STAGE, len(chosen), len(chosen), "")
     project.save_hashes()
     return [outcomes[name] for name in chosen]
@@ -86,18 +90,21 @@ def start_of(entry: CameraRecord | None) -> CameraRecord | None:
     return record_of_entry({"file": entry.file, **start}, f"{entry.file}: {START_KEY}")
 
 
-def _register_one(bench: Workbench, name: str, entries: Mapping[str, CameraRecord]) -> PhotoOutcome:
+def _register_one(
+    bench: Workbench, name: str, entries: Mapping[str, CameraRecord], find: Find
+) -> PhotoOutcome:
     project = bench.project
     entry = entries.get(name)
     state = _freshness(project, name, entries)
     if entry is not None and state.fresh:
         return PhotoOutcome(name, entry, True, entry.quality.get("reason", "") or state.reason)
     start = start_of(entry)
-    record = _attempt(bench, name, start, list(_neighbors(name, entries).values())[:NEIGHBORS])
+    record = _attempt(find, bench, name, start, _neighbors(name, entries))
     project.save_cameras([record])
-    inputs = _inputs(project, name, entries)
-    result = json_hash(entry_of_record(record))
-    project.save_record(STAGE, name, {"inputs": inputs, "result": result})
+    inputs = _inputs(project, name, {**entries, name: record})
+    if find is not find_by_others and OTHERS in inputs:
+        inputs[OTHERS] = "not compared yet"
+    project.save_record(STAGE, name, {"inputs": inputs})
     return PhotoOutcome(name, record, False, record.quality.get("reason", ""))
 
 
@@ -139,18 +146,18 @@ def _inputs(project: Project, name: str, entries: Mapping[str, CameraRecord]) ->
         **file_inputs(project, **files),
         "start camera": json_hash(entry_of_record(start)) if start else "none",
     }
-    if needs_neighbors(project, name, start):
-        near = list(_neighbors(name, entries))[:NEIGHBORS]
-        inputs["neighboring cameras"] = json_hash(near)
+    entry = entries.get(name)
+    if entry is None or entry.status != "registered" or not has_means(project, name, start):
+        inputs[OTHERS] = json_hash(sorted(_neighbors(name, entries)))
     return inputs
 
 
 def _attempt(
-    bench: Workbench, name: str, start: CameraRecord | None, neighbors: Sequence[Camera]
+    find: Find, bench: Workbench, name: str, start: CameraRecord | None, neighbors: Neighbors
 ) -> CameraRecord:
     """Try what the settings ask for; the failure of a photo becomes its entry."""
     try:
-        fit = find_camera(bench, name, start, neighbors)
+        fit = find(bench, name, start, neighbors)
     except (RegistrationError, InputError) as error:
         return _failed_record(bench.project, name, start, str(error).removeprefix(f"{name}: "))
     if not fit.accepted:

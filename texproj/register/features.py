@@ -1,0 +1,117 @@
+"""Registration by other photos: what one photo shows is found in photos that are registered, whose
+pixels are points of the mesh. So a few picks in one photo serve all others.
+
+The idea of a graph of photos that spares the user work: Franken et al., "Minimizing user
+intervention in registering 2D images to 3D models", The Visual Computer 2005. Automatic: ours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.camera import Camera, Intrinsics
+from texproj.errors import RegistrationError
+from texproj.options import PointsOptions
+from texproj.photo import Correspondences, PhotoInfo
+from texproj.records import Fit
+from texproj.register.points import register_points
+from texproj.solve.features import Features, match_features
+
+Array = NDArray[np.float64]
+
+MOST_PAIRS = 600
+LEAST_INLIERS = 20
+LEAST_SHARE = 0.1
+"""Of the matches. That chance does not agree so well is checked with the picks; this is against
+ornaments that repeat."""
+STEEPEST_JUMP = 0.02
+"""Surface whose depth varies by more than this part around a feature gives no sure point."""
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """A registered photo, full size: its camera, its features, the depth of the mesh as it sees it
+    at a reduced size, and the expected error of its own registration in pixels.
+    """
+
+    camera: Camera
+    features: Features
+    depth: NDArray[np.float32]
+    expected_error_px: float
+
+
+def register_features(
+    info: PhotoInfo,
+    features: Features,
+    known: Sequence[Known],
+    prior: Intrinsics | None,
+    options: PointsOptions | None = None,
+    surface: Array | None = None,
+) -> Fit:
+    """The camera of a photo from its features (full-size pixels) in photos that are `known`.
+
+    prior, options, surface: as for picked points. Raises RegistrationError.
+    """
+    pairs = _pairs(features, known)
+    if len(pairs) < LEAST_INLIERS:
+        raise RegistrationError(
+            f"only {len(pairs)} points of the photo are found in registered photos; pick 4 points, "
+            "or register a photo that shows more of the same"
+        )
+    try:
+        fit = register_points(info, pairs, prior, options or PointsOptions(), surface=surface)
+    except RegistrationError:
+        raise RegistrationError(
+            f"the {len(pairs)} points found in registered photos do not agree on one camera; "
+            "pick 4 points"
+        ) from None
+    return _judged(fit, known)
+
+
+def surface_points(known: Known) -> tuple[NDArray[np.intp], Array]:
+    """Numbers of the features that lie on smooth surface, and their (n, 3) world points."""
+    kernel = np.ones((5, 5), np.uint8)
+    near, far = cv2.erode(known.depth, kernel), cv2.dilate(known.depth, kernel)
+    h, w = known.depth.shape
+    column, row = (known.features.xy_px * (w / known.camera.width)).astype(int).T
+    column, row = column.clip(0, w - 1), row.clip(0, h - 1)
+    with np.errstate(invalid="ignore"):
+        smooth = far[row, column] - near[row, column] < STEEPEST_JUMP * near[row, column]
+    use = np.flatnonzero(smooth & np.isfinite(far[row, column]))
+    xy = known.features.xy_px[use]
+    return use, known.camera.unproject(xy, known.depth[row[use], column[use]])
+
+
+def _pairs(features: Features, known: Sequence[Known]) -> Correspondences:
+    """Pixels of the photo with points of the mesh, each pixel once."""
+    pixels, points = [np.zeros((0, 2))], [np.zeros((0, 3))]
+    for other in known:
+        use, xyz = surface_points(other)
+        on_surface = Features(other.features.xy_px[use], other.features.descriptors[use])
+        matches = match_features(features, on_surface)
+        pixels.append(features.xy_px[matches[:, 0]])
+        points.append(xyz[matches[:, 1]])
+    xy, xyz = np.concatenate(pixels), np.concatenate(points)
+    chosen = np.random.default_rng(0).permutation(len(xy))[:MOST_PAIRS]
+    return Correspondences(xy[chosen], xyz[chosen])
+
+
+def _judged(fit: Fit, known: Sequence[Known]) -> Fit:
+    """The fit with the others' errors in its own, and the verdict."""
+    inliers, share = int(fit.inliers.sum()), float(fit.inliers.mean())
+    inherited = float(np.sqrt(np.mean([k.expected_error_px**2 for k in known])))
+    accepted = inliers >= LEAST_INLIERS and share >= LEAST_SHARE
+    reason = "" if accepted else (
+        f"only {inliers} of {len(fit.inliers)} points found in registered photos agree; "
+        "pick 4 points"
+    )  # fmt: skip
+    quality = {k: v for k, v in fit.quality.items() if k != "outliers"}
+    return replace(
+        fit, method="features", names=(), accepted=accepted, reason=reason,
+        expected_error_px=float(np.hypot(fit.expected_error_px, inherited)), quality=quality,
+    )  # fmt: skip
