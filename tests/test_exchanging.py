@@ -122,6 +122,17 @@ def test_only_photos_in_the_file_are_replaced(project, tmp_path):
     assert other.extra == before["other.jpg"].extra and other.method == "points"
 
 
+def test_cameras_of_another_project_are_taken(project, tmp_path):
+    """cameras.json is a camera file too; what has no camera there is refused for its photo."""
+    register(project, one=looking(0))
+    project.save_cameras([CameraRecord("Two.JPG", WIDTH, HEIGHT, LENS, None, "failed")])
+    elsewhere = project.cameras_path.rename(tmp_path / "old.json")
+    outcome = take(project, elsewhere)
+
+    assert outcome.format == "texproj" and list(outcome.in_view) == ["one.jpg"]
+    assert outcome.failed == {"Two.JPG": "it has no camera there"}
+
+
 @pytest.mark.parametrize(
     ("told", "photo_name"),
     [

@@ -251,6 +251,34 @@ def test_realityscan_principal_point(tmp_path):
     assert pixel(read("realityscan", path), (0, 0, 0)) == pytest.approx((1020, 770))
 
 
+SIDECAR = """<x:xmpmeta xmlns:x="adobe:ns:meta/">
+<rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#"><rdf:Description
+xmlns:xcr="http://www.capturingreality.com/ns/xcr/1.1#" xcr:Version="3" xcr:Coordinates="{world}"
+xcr:DistortionModel="{model}" xcr:FocalLength35mm="18" xcr:Skew="0" xcr:AspectRatio="1"
+xcr:PrincipalPointU="0.01" xcr:PrincipalPointV="-0.01"><xcr:Rotation>0 1 0 -1 0 0 0 0 1
+</xcr:Rotation><xcr:Position>1 2 3</xcr:Position>
+<xcr:DistortionCoeficients>0.1 0 0 0 0 0</xcr:DistortionCoeficients></rdf:Description></rdf:RDF>
+</x:xmpmeta>"""
+
+
+def test_realityscan_sidecars(tmp_path):
+    """f = 18 mm of 36 is 1000 px of 2000; x along world y: (1, 3, 8) is at (1, 0, 5)."""
+    (tmp_path / "a.xmp").write_text(SIDECAR.format(model="brown3", world="local"))
+    (tmp_path / "b.xmp").write_text(SIDECAR.format(model="division", world="local"))
+    (tmp_path / "raw.xmp").write_text("<x:xmpmeta xmlns:x='adobe:ns:meta/'/>")
+    model = read(*detect(tmp_path))
+
+    assert [c.name for c in model.cameras] == ["a"] and "division" in model.refused["b"]
+    assert pixel(model, (1, 3, 8)) == pytest.approx([1020 + 200.8, 730])
+    assert detect(tmp_path / "a.xmp") == ("realityscan-xmp", tmp_path)
+
+
+def test_absolute_sidecars_are_told(tmp_path):
+    (tmp_path / "a.xmp").write_text(SIDECAR.format(model="brown3", world="absolute"))
+
+    assert "same system" in read(*detect(tmp_path)).notes[0]
+
+
 # --- nerfstudio
 
 

@@ -13,12 +13,14 @@ import numpy as np
 from texproj.camera import Camera
 from texproj.errors import InputError, UsageError, nearest_name
 from texproj.files import staging
+from texproj.formats.cameras import read_cameras
 from texproj.formats.interchange import (
     READERS,
     WRITERS,
     ForeignCamera,
     ForeignModel,
     Shot,
+    SizeOf,
     detect,
     upright,
 )
@@ -78,8 +80,9 @@ def import_cameras(
     kind: the format, None to find out. Raises UsageError for an unknown format, InputError for a
     broken file and for one that has no camera for this project; nothing is written then.
     """
-    if kind is not None and kind not in READERS:
-        raise UsageError(f"no format {kind!r} to import from{nearest_name(kind, READERS)}")
+    readers = {**READERS, "texproj": _read_own}
+    if kind is not None and kind not in readers:
+        raise UsageError(f"no format {kind!r} to import from{nearest_name(kind, readers)}")
     project = bench.project
     found_kind, file = detect(path, kind)
     names = _Names(project.photo_names)
@@ -91,12 +94,21 @@ def import_cameras(
         info = project.photo_info(photo)
         return info.width, info.height
 
-    model = READERS[found_kind](file, size_of)
+    model = readers[found_kind](file, size_of)
     outcome, records = _matched(bench, model, names, status)
     if not records:
         raise InputError(_nothing(project, path, outcome))
     project.save_cameras(records)
     return replace(outcome, format=found_kind)
+
+
+def _read_own(path: Path, size_of: SizeOf) -> ForeignModel:
+    """The cameras.json of another project, or of an earlier day."""
+    records = read_cameras(path).records
+    cameras = tuple(ForeignCamera(r.file, r.camera) for r in records if r.camera is not None)
+    return ForeignModel(
+        cameras, {r.file: "it has no camera there" for r in records if not r.camera}
+    )
 
 
 def export_cameras(project: Project, kind: str, to: Path | None = None) -> ExportOutcome:

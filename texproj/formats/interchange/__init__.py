@@ -19,6 +19,7 @@ from texproj.formats.interchange.model import (
 from texproj.formats.interchange.nerfstudio import read_nerfstudio, write_nerfstudio
 from texproj.formats.interchange.openmvg import read_openmvg
 from texproj.formats.interchange.realityscan import read_realityscan, write_realityscan
+from texproj.formats.interchange.realityscan_xmp import read_realityscan_xmp
 from texproj.formats.interchange.upright import upright
 
 READERS: dict[str, Callable[[Path, SizeOf], ForeignModel]] = {
@@ -27,6 +28,7 @@ READERS: dict[str, Callable[[Path, SizeOf], ForeignModel]] = {
     "meshlab": read_meshlab,
     "metashape": read_metashape,
     "realityscan": read_realityscan,
+    "realityscan-xmp": read_realityscan_xmp,
     "nerfstudio": read_nerfstudio,
     "openmvg": read_openmvg,
     "meshroom": read_meshroom,

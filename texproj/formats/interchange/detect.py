@@ -16,11 +16,13 @@ IN_FOLDER = {
     "transforms.json": "nerfstudio", "sfm_data.json": "openmvg", "bundle.out": "bundler",
     "cameras.xml": "metashape", "cameras.mlp": "meshlab", "cameras.csv": "realityscan",
 }  # fmt: skip
+OWN = "texproj"
+SIDECARS = "realityscan-xmp"
 COLMAP_FOLDERS = ("", "sparse", "sparse/0", "0")
 
 
 def detect(path: Path, asked: str | None = None) -> tuple[str, Path]:
-    """Name of the format, and the file (of COLMAP: the folder) that its reader wants.
+    """Name of the format, and the file (of COLMAP and sidecars: the folder) that its reader wants.
 
     asked: the format that the user names, None to look. Raises InputError for what is not there
     or not known.
@@ -29,6 +31,8 @@ def detect(path: Path, asked: str | None = None) -> tuple[str, Path]:
         raise InputError(f"no camera file at {path}")
     if path.is_dir():
         return _in_folder(path, asked)
+    if path.suffix.lower() == ".xmp" and asked in (None, SIDECARS):
+        return SIDECARS, path.parent
     if path.name in MODEL_FILES and asked in (None, "colmap"):
         return "colmap", path.parent
     return asked or _of_file(path), path
@@ -42,6 +46,8 @@ def _in_folder(path: Path, asked: str | None) -> tuple[str, Path]:
     for name, kind in IN_FOLDER.items():
         if (path / name).is_file() and asked in (None, kind):
             return kind, path / name
+    if asked in (None, SIDECARS) and any(path.glob("*.xmp")):
+        return SIDECARS, path
     raise InputError(
         f"no camera file that texproj knows in {path}; name the file itself, or for COLMAP the"
         f" folder that holds cameras.bin or cameras.txt"
@@ -54,6 +60,8 @@ def _of_file(path: Path) -> str:
         return BY_SUFFIX[suffix]
     if suffix == ".json":
         content = read_json(path)
+        if content.get("format") == "texproj-cameras":
+            return OWN
         if "frames" in content:
             return "nerfstudio"
         if "extrinsics" in content:
