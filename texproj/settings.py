@@ -10,6 +10,7 @@ from typing import Any
 from texproj.errors import InputError, UsageError, nearest_name
 from texproj.options import (
     ColorOptions,
+    PatchOptions,
     PointsOptions,
     PreviewOptions,
     RefineOptions,
@@ -28,6 +29,7 @@ SECTIONS: dict[str, type] = {
     "refine": RefineOptions,
     "color": ColorOptions,
     "unwrap": UnwrapOptions,
+    "patches": PatchOptions,
     "preview": PreviewOptions,
 }
 """Tables of project.toml and the options that each holds."""

@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 else:  # classes made from the options when the program starts
     RegisterFlags = flags_for(("register", "render"), ("points", "structure"))
     RefineFlags = flags_for(("refine", "render"))
-    ColorFlags = flags_for(("color", "render"), ("unwrap",))
+    ColorFlags = flags_for(("color", "render"), ("unwrap", "patches"))
     RunFlags = flags_for(
-        ("render",), ("register", "points", "structure", "refine", "color", "unwrap")
+        ("render",), ("register", "points", "structure", "refine", "color", "unwrap", "patches")
     )
     RenderFlags = flags_for(("render",))
     PreviewFlags = flags_for(("preview",))

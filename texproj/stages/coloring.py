@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from texproj.camera import Camera
+from texproj.color.result import Texture
 from texproj.color.vertices import color_vertices
 from texproj.errors import InputError, nearest_name
 from texproj.files import json_hash, staging
@@ -26,7 +28,7 @@ from texproj.stages.writing import write_texture, write_vertices
 
 STAGE = "color"
 VERSION = 1
-SECTIONS = ("color", "unwrap", "render")
+SECTIONS = ("color", "unwrap", "patches", "render")
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,12 +134,23 @@ def _make(
         colors = color_vertices(bench.mesh, cameras, photos, bench.renderer, options, tell)
         with staging(bench.project.out) as folder:
             return colors.quality, write_vertices(folder, bench.source, colors)
-    from texproj.color.texture import color_texture  # noqa: PLC0415 - its libraries load slowly
-
-    unwrap = settings.options("unwrap")
-    texture = color_texture(bench.mesh, cameras, photos, bench.renderer, options, unwrap, tell)
+    texture = _texture(bench, cameras, photos, tell)
     with staging(bench.project.out) as folder:
         return texture.quality, write_texture(folder, bench.mesh, texture)
+
+
+def _texture(
+    bench: Workbench, cameras: list[Camera], photos: _Photos, tell: Callable[[int, int], None]
+) -> Texture:
+    from texproj.color.patches import PatchSettings, color_patches  # noqa: PLC0415 - slow to load
+    from texproj.color.texture import color_texture  # noqa: PLC0415
+
+    settings = bench.project.settings
+    options, unwrap = settings.options("color"), settings.options("unwrap")
+    if options.to == "patches":
+        patches = PatchSettings(options, settings.options("patches"), unwrap)
+        return color_patches(bench.mesh, cameras, photos, bench.renderer, patches, tell)
+    return color_texture(bench.mesh, cameras, photos, bench.renderer, options, unwrap, tell)
 
 
 def _inputs(project: Project) -> Inputs:

@@ -1,0 +1,274 @@
+"""A texture of patches, each cut from the one photo that shows its surface best.
+
+After Callieri, Cignoni, Scopigno, "Reconstructing textured meshes from multiple range rgb maps",
+VMV 2002, and Waechter, Moehrle, Goesele, "Let there be color!", ECCV 2014. Ours: the choice is
+led by what all photos agree on, so that occluders in front of the surface are not chosen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.camera import Camera
+from texproj.color.atlas import Atlas
+from texproj.color.gains import Gains, no_gains, solve_gains
+from texproj.color.pages import fill_page
+from texproj.color.patch_charts import patch_atlas
+from texproj.color.patch_labels import Labels, choose_photos, merge_islands
+from texproj.color.patch_seams import PatchBlend, patch_blends
+from texproj.color.patch_views import FacePoints, FaceViews, face_views, survey_options
+from texproj.color.points import Floats
+from texproj.color.project import LoadPhoto, Progress, in_parallel, project_photos
+from texproj.color.result import Texture
+from texproj.color.sample import Samples, sample
+from texproj.color.scratch import Scratch
+from texproj.color.segmentation import DualGraph, dual_graph
+from texproj.color.sight import Sight, sight_of
+from texproj.color.spill import Spill
+from texproj.color.texels import TexelPoints
+from texproj.color.unseen import fill_unseen
+from texproj.color.view import WHITE, PhotoView, photo_view
+from texproj.mesh import Mesh, face_areas
+from texproj.options import ColorOptions, PatchOptions, UnwrapOptions
+from texproj.photo import srgb_from_linear
+from texproj.render import Renderer, Scene
+
+ENCODING = srgb_from_linear((np.arange(65536) / 65535) ** 2)
+"""sRGB of the 16-bit square root of linear light."""
+
+
+@dataclass(frozen=True)
+class PatchSettings:
+    """All options of `color_patches`."""
+
+    color: ColorOptions = field(default_factory=ColorOptions)
+    patch: PatchOptions = field(default_factory=PatchOptions)
+    unwrap: UnwrapOptions = field(default_factory=UnwrapOptions)
+
+
+def color_patches(
+    mesh: Mesh,
+    cameras: Sequence[Camera],
+    load_photo: LoadPhoto,
+    renderer: Renderer,
+    settings: PatchSettings | None = None,
+    progress: Progress | None = None,
+) -> Texture:
+    """Cut the surface into patches of one photo each and lay their pixels on pages.
+
+    cameras: of the full-size photos; load_photo: decodes the photo of a number in `cameras`, is
+    called twice per photo; progress: called with steps done and steps in all, two per photo.
+    """
+    settings = settings or PatchSettings()
+    survey = survey_options(settings.color)
+    steps = _Steps(len(cameras), progress)
+    with renderer.load(mesh) as scene, closing(Scratch()) as scratch:
+        points = FacePoints.of(mesh)
+        spill = project_photos(points, cameras, load_photo, scene, survey, scratch, steps.first)
+        gains = _gains(spill, len(cameras), settings.color)
+        views = face_views(points, cameras, spill, gains, settings.color, settings.patch)
+        graph = dual_graph(mesh)
+        labels = _labels(mesh, views, graph, settings.patch)
+        patch = settings.patch
+        blends = patch_blends(mesh, labels, views, patch.strip_px, patch.level_px)
+        atlas = patch_atlas(mesh, cameras, labels, graph, settings.unwrap)
+        texels = TexelPoints.of(mesh, atlas, scratch)
+        shots = _Shots(cameras, load_photo, scene, survey)
+        pixels = _cut(texels, mesh, atlas, blends, gains, shots, steps)
+        pages, counts = _bake(texels, atlas, pixels, settings.color)
+        fill_unseen(mesh, atlas, texels, pages, counts)
+        for number, page in enumerate(pages):
+            fill_page(page, texels.inside(number, page.shape))
+    quality = quality_of(mesh, atlas, labels, views, gains)
+    return Texture(atlas, tuple(pages), tuple(counts), quality)
+
+
+@dataclass(frozen=True)
+class _Steps:
+    """Progress over two rounds of all photos."""
+
+    photos: int
+    progress: Progress | None
+
+    def first(self, done: int, _: int) -> None:
+        if self.progress:
+            self.progress(done, 2 * self.photos)
+
+    def second(self, done: int) -> None:
+        self.first(self.photos + done, 0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Shots:
+    """Photos, ready to be sampled, one at a time."""
+
+    cameras: Sequence[Camera]
+    load_photo: LoadPhoto
+    scene: Scene
+    options: ColorOptions
+
+    def view(self, number: int) -> PhotoView | None:
+        photo = self.load_photo(number)
+        if photo is None:
+            return None
+        return photo_view(photo, self.cameras[number], self.scene, self.options)
+
+
+def _gains(spill: Spill, photos: int, options: ColorOptions) -> Gains:
+    return solve_gains(spill, photos) if options.gains else no_gains(photos)
+
+
+def _labels(mesh: Mesh, views: FaceViews, graph: DualGraph, patch: PatchOptions) -> Labels:
+    areas = face_areas(mesh)
+    labels = choose_photos(views, graph, areas, patch.seam_px)
+    area_px = (areas * views.density**2).astype(np.float32)
+    return merge_islands(labels, views, graph, area_px, patch.smallest_px)
+
+
+def _cut(
+    texels: TexelPoints,
+    mesh: Mesh,
+    atlas: Atlas,
+    blends: list[PatchBlend],
+    gains: Gains,
+    shots: _Shots,
+    steps: _Steps,
+) -> Spill:
+    """The pixels of every photo where it gives some: square roots of linear light, leveled."""
+    pixels = Spill(texels.sizes, texels.scratch)
+    maps = corner_maps(atlas)
+    tiles = _tiles_of_faces(texels, len(mesh.faces))
+    for done, blend in enumerate(blends):
+        view = shots.view(blend.photo)
+        if view is not None:
+            sight = sight_of(
+                texels.owners, view.camera, view.depth_camera, len(view.levels), shots.options
+            )
+            sight = replace(sight, weight=sight.weight * blend.faces)
+            values = np.column_stack([blend.weight, blend.offset])[mesh.faces]
+            cutter = _Cutter(texels, view, sight, maps, values, np.sqrt(gains.factor[blend.photo]))
+            wanted = [n for n, faces in enumerate(tiles) if blend.faces[faces].any()]
+            in_parallel(partial(cutter.cut, blend.photo, pixels), wanted)
+        steps.second(done + 1)
+    return pixels
+
+
+def _tiles_of_faces(texels: TexelPoints, faces: int) -> list[NDArray[np.intp]]:
+    """The faces of each tile."""
+    out = []
+    for number in range(len(texels.tiles)):
+        present = np.zeros(faces, bool)
+        present[texels.chunk(number).owner] = True
+        out.append(np.flatnonzero(present))
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Cutter:
+    """Takes the texels of a tile from one photo.
+
+    maps: see `corner_maps`; values: (F, 3, 4) weight and offset at the corners of the faces;
+    root_gain: (3,) square root of the photo's gain.
+    """
+
+    texels: TexelPoints
+    view: PhotoView
+    sight: Sight
+    maps: Floats
+    values: Floats
+    root_gain: Floats
+
+    def cut(self, photo: int, pixels: Spill, tile: int) -> None:
+        chunk = self.texels.chunk(tile)
+        samples = sample(chunk, self.sight, self.view)
+        if samples is None:
+            return
+        face = chunk.owner[samples.seen]
+        place = self.texels.tiles[tile]
+        row, column = np.nonzero(self.texels.mask(tile))
+        x = column[samples.seen] + np.float32(place.columns.start + 0.5)
+        y = row[samples.seen] + np.float32(place.rows.start + 0.5)
+        values = at_texels(self.maps[face], self.values[face], x, y)
+        weight = samples.packed[:, 3] * np.clip(values[:, 0], 0, 1)
+        used = weight > 0
+        rgb = samples.packed[:, :3].astype(np.float32)
+        root = np.sqrt(rgb * np.float32(1 / WHITE)) * self.root_gain + values[:, 1:]
+        packed = np.empty_like(samples.packed)
+        packed[:, :3] = np.clip(root * np.float32(WHITE), 0, 65535)
+        packed[:, 3] = np.maximum(weight, 1)
+        seen = samples.seen.copy()
+        seen[seen] = used
+        pixels.add(photo, tile, Samples(seen, packed[used]))
+
+
+def corner_maps(atlas: Atlas) -> Floats:
+    """(F, 6) float32: first corner on the page, and the rows that turn a step on the page into
+    the second and third barycentric coordinates.
+    """
+    uv = atlas.uv_px[atlas.faces]
+    (a, b), (c, d) = (uv[:, 1] - uv[:, 0]).T, (uv[:, 2] - uv[:, 0]).T
+    det = a * d - b * c
+    det = np.where(np.abs(det) > 1e-12, det, np.inf)
+    return np.column_stack([uv[:, 0], d / det, -c / det, -b / det, a / det]).astype(np.float32)
+
+
+def at_texels(maps: Floats, values: Floats, x: Floats, y: Floats) -> Floats:
+    """(n, k) linear interpolation of values (n, 3, k) at the corners to positions on the page."""
+    dx, dy = x - maps[:, 0], y - maps[:, 1]
+    s = (maps[:, 2] * dx + maps[:, 3] * dy)[:, None]
+    t = (maps[:, 4] * dx + maps[:, 5] * dy)[:, None]
+    first = values[:, 0]
+    return first + s * (values[:, 1] - first) + t * (values[:, 2] - first)
+
+
+def _bake(
+    texels: TexelPoints, atlas: Atlas, pixels: Spill, options: ColorOptions
+) -> tuple[list[NDArray[Any]], list[NDArray[np.uint8]]]:
+    """The pages, and how many photos each texel is from; 0 = not seen."""
+    kind, top = (np.uint8, 255) if options.bits == 8 else (np.uint16, 65535)
+    table = np.round(ENCODING * top).astype(kind)
+    pages = [np.zeros((h, w, 3), kind) for w, h in atlas.page_sizes]
+    counts = [np.zeros((h, w), np.uint8) for w, h in atlas.page_sizes]
+
+    def one(number: int) -> None:
+        stack = pixels.read(number)
+        if len(stack.photos):
+            total = stack.weight.sum(axis=0)
+            share = stack.weight / np.maximum(total, np.float32(1e-20))
+            root = np.einsum("pn,pcn->nc", share, stack.rgb)
+            page = texels.tiles[number].page
+            texels.place(number, pages[page], table[(root.clip(0, 1) * 65535).astype(np.uint16)])
+            seen = np.count_nonzero(stack.weight, axis=0).clip(0, 255).astype(np.uint8)
+            texels.place(number, counts[page], seen)
+
+    in_parallel(one, range(len(texels.tiles)))
+    return pages, counts
+
+
+def quality_of(
+    mesh: Mesh, atlas: Atlas, labels: Labels, views: FaceViews, gains: Gains
+) -> dict[str, Any]:
+    """Numbers for the report."""
+    area = face_areas(mesh)
+    total = max(float(area.sum()), 1e-300)
+    return {
+        "seen": float(area[labels >= 0].sum()) / total,
+        "patches": len(np.unique(atlas.chart_of_face[labels >= 0])),
+        "cut_for_overlap": atlas.stats.overlap_splits,
+        "scale": round(atlas.stats.scale, 4),
+        "photos": [
+            {
+                "gain": [round(float(g), 4) for g in factor],
+                "spread": round(float(spread), 4),
+                "share": round(float(area[labels == number].sum()) / total, 4),
+            }
+            for number, (factor, spread) in enumerate(zip(gains.factor, gains.spread, strict=True))
+        ],
+    }
