@@ -12,7 +12,7 @@ const WEAK = 0xe0b050;
 const CHOSEN = 0xffffff;
 const MAX_PICTURES = 150;
 /** Distance of the picture from the camera's center, part of the scene's radius. */
-const DEPTH = 0.06;
+const DEPTH = 0.09;
 
 export class Frustums {
   readonly group = new THREE.Group();

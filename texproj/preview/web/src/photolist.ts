@@ -113,7 +113,7 @@ function stateOf(photo: PhotoFacts): string {
 }
 
 const METHODS: Record<string, string> = {
-  points: "from picked points",
+  points: "from points",
   import: "imported",
   structure: "from structure",
   silhouette: "from the silhouette",

@@ -121,7 +121,7 @@ export class PhotoPane {
     this.canvas.width = Math.max(1, Math.round(w * devicePixelRatio));
     this.canvas.height = Math.max(1, Math.round(h * devicePixelRatio));
     this.draw();
-    this.redraw();
+    this.moved();
   }
 
   private draw(): void {

@@ -11,7 +11,7 @@ import { PhotoPane } from "./photopane.ts";
 import { PickHands } from "./pickhands.ts";
 import { pickPanel } from "./pickpanel.ts";
 import type { Pick, Picks } from "./picks.ts";
-import { freeName, fromSaved, History, isPair, merged, pairs, put, without } from "./picks.ts";
+import { freeName, fromSaved, History, isPair, merged, pairs, put, same, without } from "./picks.ts";
 
 export type Side = "photo" | "model";
 
@@ -25,6 +25,8 @@ export class PickMode {
   selected: string | null = null;
   fit: api.Fit | null = null;
   fitProblem = "";
+  /** Whether the fit is older than the picks. */
+  fitting = false;
   /** The other half of the selected pick, as predicted. */
   guess: api.Prediction | null = null;
   linked = true;
@@ -44,6 +46,7 @@ export class PickMode {
     this.pane.onDraw = () => this.drawPhotoMarks();
     this.pane.onMove = () => this.linkModel();
     app.viewport.onFrame = () => this.drawModelMarks();
+    app.viewport.onResize = () => this.linkModel();
     app.viewport.onWindow = () => this.linkPhoto();
     this.hands = new PickHands(this);
   }
@@ -324,9 +327,11 @@ export class PickMode {
   }
 
   private merge(theirs: api.SavedPicks): void {
-    const list = merged(this.base, this.picks, fromSaved(theirs.picks));
+    const chosen = this.selectedPick;
+    const [base, others] = [this.base, fromSaved(theirs.picks)];
+    this.history.rebase((mine) => merged(base, mine, others));
     this.accept(theirs);
-    this.history.amend(list);
+    if (chosen) this.selected = this.picks.find((pick) => same(pick, chosen))?.name ?? null; // may be renamed
     this.refit();
     this.redraw();
   }
@@ -341,6 +346,7 @@ export class PickMode {
   }
 
   private refit(): void {
+    this.fitting = true;
     clearTimeout(this.fitTimer);
     this.fitTimer = window.setTimeout(() => void this.fitNow(), FIT_PAUSE_MS);
   }
@@ -353,11 +359,11 @@ export class PickMode {
       try {
         found = await api.fit(photo.name, list);
       } catch (error) {
-        if (!(error instanceof api.Refusal)) return;
-        problem = error.message;
+        problem = error instanceof api.Refusal ? error.message : "The server does not answer.";
       }
     }
     if (number !== this.fitNumber) return;
+    this.fitting = false;
     this.fit = found;
     this.fitProblem = problem;
     this.redraw();

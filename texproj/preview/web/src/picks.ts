@@ -40,7 +40,7 @@ export function freeName(picks: Picks): string {
   return String(number);
 }
 
-const same = (a: Pick | undefined, b: Pick | undefined) =>
+export const same = (a: Pick | undefined, b: Pick | undefined) =>
   a === b || (a !== undefined && b !== undefined && String(a.uv) === String(b.uv) && String(a.xyz) === String(b.xyz));
 
 /**
@@ -85,6 +85,11 @@ export class History {
   /** Change the present state itself: news from elsewhere, or the middle of a drag. */
   amend(picks: Picks): void {
     this.states[this.index] = picks;
+  }
+
+  /** Change every state alike: so that undoing my steps does not undo what others did. */
+  rebase(change: (picks: Picks) => Picks): void {
+    this.states = this.states.map(change);
   }
 
   get canUndo(): boolean {

@@ -21,7 +21,7 @@ const FINE = 2;
 const POLISH_MS = 700;
 const MAX_ZOOM = 64;
 /** Part of the distance by which the first view lies behind a photo's, so that the cameras show. */
-const STEP_BACK = 0.95;
+const STEP_BACK = 0.6;
 /** How far the first view is moved up and aside, so that the cameras do not hide the model. */
 const RAISE_RAD = 0.16;
 const ASIDE_RAD = 0.5;
@@ -50,6 +50,8 @@ export class Viewport {
   onFrame: () => void = () => undefined;
   /** After the photo's window moved by hand. */
   onWindow: () => void = () => undefined;
+  /** After the canvas changed its size. */
+  onResize: () => void = () => undefined;
   frames = 0;
   private readonly renderer: THREE.WebGLRenderer;
   private readonly scene = new THREE.Scene();
@@ -104,7 +106,7 @@ export class Viewport {
     this.leavePhoto();
     const depth = Math.max(-eye.dot(forward), this.surface.radius * 0.3);
     this.controls.target.copy(eye).addScaledVector(forward, depth);
-    const back = depth * (1 + STEP_BACK * Math.max(1, 1 / this.aspect));
+    const back = depth * (1 + STEP_BACK);
     const right = forward.clone().cross(this.camera.up).normalize();
     const away = forward.clone().multiplyScalar(-back);
     away.applyAxisAngle(right, -RAISE_RAD).applyAxisAngle(this.camera.up, ASIDE_RAD);
@@ -116,7 +118,7 @@ export class Viewport {
   /** See the whole model from direction `from`. */
   lookFrom(from: THREE.Vector3): void {
     this.leavePhoto();
-    const half = (Math.min(1, this.aspect) * Math.tan((FIELD_OF_VIEW_DEG * Math.PI) / 360));
+    const half = Math.tan((FIELD_OF_VIEW_DEG * Math.PI) / 360);
     const distance = (this.surface.radius / half) * 0.82;
     this.camera.position.copy(from).normalize().multiplyScalar(distance);
     this.controls.target.set(0, 0, 0);
@@ -308,6 +310,7 @@ export class Viewport {
     this.renderer.setSize(w, h);
     this.camera.aspect = w / h;
     if (this.photoCamera && before[0] > 0) this.window.scale *= Math.min(w / before[0], h / before[1]) || 1;
+    this.onResize();
     this.draw(this.currentSides());
     this.dirty = true;
   }
@@ -318,7 +321,7 @@ export class Viewport {
       const { x, y, scale } = this.window;
       return { left: x - w / 2 / scale, right: x + w / 2 / scale, bottom: y - h / 2 / scale, top: y + h / 2 / scale };
     }
-    const top = Math.tan((FIELD_OF_VIEW_DEG * Math.PI) / 360);
+    const top = Math.tan((FIELD_OF_VIEW_DEG * Math.PI) / 360) / Math.min(1, this.aspect);
     return { left: -top * this.aspect, right: top * this.aspect, bottom: -top, top };
   }
 
