@@ -81,7 +81,7 @@ class ColorOptions:
     robust_rounds: Annotated[int, Field(ge=0, le=50)] = 4
     """Rounds of reweighting against samples that disagree; 0 = plain weighted mean."""
 
-    preference: Annotated[float, Field(ge=0, le=8)] = 2.0
+    preference: Annotated[float, Field(ge=0, le=8)] = 2.3
     """How strongly the best of the photos that agree is preferred: the power of its weight."""
 
     texels_per_pixel: Annotated[float, Field(gt=0, le=4)] = 1.0

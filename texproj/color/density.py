@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.camera import Camera
+from texproj.color.depths import Depths
 from texproj.color.points import Chunk, Owners
 from texproj.color.sample import project
 from texproj.color.sight import facing, resolution, sight_of
-from texproj.color.view import PhotoView, depth_seen
+from texproj.color.view import PhotoView
 from texproj.mesh import Mesh, face_areas, face_normals
 from texproj.options import ColorOptions
-from texproj.render import Scene
 
 UNSEEN = 0.25
 """Texels per unit of faces that no photo sees, against the median of the others."""
@@ -23,23 +23,19 @@ CLOSEST = 0.98
 """Part of the surface that gets the full resolution of its best photo: a few faces right in front
 of a camera do not decide the size of the texture."""
 
-SURVEY_PX = 640
-"""Longer side of the depth images that decide here which photo sees a face."""
-
 
 def texels_per_unit(
-    mesh: Mesh, cameras: Sequence[Camera], scene: Scene, options: ColorOptions
+    mesh: Mesh, cameras: Sequence[Camera], depths: Depths, options: ColorOptions
 ) -> NDArray[np.float64]:
     """(F,) texels per mesh unit: pixels of the photo that resolves the face best, times
     `options.texels_per_pixel`.
     """
     faces = _faces(mesh)
     best = np.zeros(len(mesh.faces))
-    for camera in cameras:
-        small = camera.scaled(min(1.0, SURVEY_PX / max(camera.width, camera.height)))
-        depth_camera, depth = depth_seen(small, scene, 1.0)
-        view = PhotoView(small, depth_camera, np.dstack([depth, np.ones_like(depth)]))
-        sight = sight_of(faces, small, depth_camera, 1, options)
+    for number, camera in enumerate(cameras):
+        depth_camera, depth = depths.read(number)
+        view = PhotoView(camera, depth_camera, np.dstack([depth, np.ones_like(depth)]))
+        sight = sight_of(faces, camera, depth_camera, 1, options)
         everything = Chunk(faces.center, np.arange(len(best), dtype=np.int32))
         seen = project(everything, sight, view)[1] > 0
         pixels = resolution(faces, camera) * np.sqrt(np.maximum(facing(faces, camera), 0))

@@ -46,7 +46,7 @@ def no_gains(photos: int) -> Gains:
     )
 
 
-def solve_gains(spill: Spill, photos: int, points: int = 40_000) -> Gains:
+def solve_gains(spill: Spill, photos: int, points: int = 20_000) -> Gains:
     """Per-photo, per-channel gains by robust least squares on log colors of shared points.
 
     Unknown are the log gain of each photo and the log color of each point; the points are

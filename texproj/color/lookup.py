@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from texproj.camera import Camera
 from texproj.color.points import Floats
-from texproj.color.view import LENS_CELL, PhotoView
+from texproj.color.view import LENS_CELL, PhotoView, linear16
 
 ROW = 256
 """Lookups are arranged in rows of this many, since OpenCV takes at most 32767 columns."""
@@ -66,7 +66,7 @@ def read_colors(view: PhotoView, xy_px: Floats, level: NDArray[np.int8]) -> NDAr
         image = view.levels[number]
         maps = xy_px if number == 0 else rescaled(xy_px, image.shape, view.camera)
         values = cv2.remap(image, maps, None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-        values = values.reshape(-1, 3)
+        values = linear16(values).reshape(-1, 3)
         if rgb is None:
             rgb = values
         else:

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 
 from texproj.camera import Camera
+from texproj.color.depths import Depths
 from texproj.color.points import PointSource
 from texproj.color.sample import sample
 from texproj.color.scratch import Scratch
 from texproj.color.sight import sight_of
 from texproj.color.spill import Spill
-from texproj.color.view import PhotoView, photo_view
+from texproj.color.threads import ahead, in_parallel
+from texproj.color.view import PhotoView, photo_view, view_of
 from texproj.options import ColorOptions
 from texproj.photo import Photo
 from texproj.render import Scene
+
+__all__ = ["LoadPhoto", "Progress", "add_photo", "in_parallel", "project_depths", "project_photos"]
 
 LoadPhoto = Callable[[int], Photo | None]
 Progress = Callable[[int, int], None]
@@ -33,20 +35,50 @@ def project_photos(
     """The samples of all photos; each is loaded once, while the one before is worked on, and
     forgotten; one that loads as None is left out.
     """
+    views = (
+        photo_view(photo, camera, scene, options) if photo is not None else None
+        for photo, camera in zip(ahead(load_photo, len(cameras)), cameras, strict=True)
+    )
+    return project_views(points, views, len(cameras), options, scratch, progress)
+
+
+def project_depths(
+    points: PointSource,
+    cameras: Sequence[Camera],
+    load_photo: LoadPhoto,
+    depths: Depths,
+    options: ColorOptions,
+    scratch: Scratch,
+    progress: Progress | None = None,
+) -> Spill:
+    """The same with depth images made before, so that whole views are made ahead."""
+
+    def make(number: int) -> PhotoView | None:
+        photo = load_photo(number)
+        if photo is None:
+            return None
+        return view_of(photo, cameras[number], *depths.read(number), options)
+
+    views = ahead(make, len(cameras))
+    return project_views(points, views, len(cameras), options, scratch, progress)
+
+
+def project_views(
+    points: PointSource,
+    views: Iterable[PhotoView | None],
+    count: int,
+    options: ColorOptions,
+    scratch: Scratch,
+    progress: Progress | None,
+) -> Spill:
+    """The samples of prepared views, `count` in all."""
     spill = Spill(points.sizes, scratch)
-    with ThreadPoolExecutor(1) as loader:
-        ahead = loader.submit(load_photo, 0) if cameras else None
-        for number, camera in enumerate(cameras):
-            assert ahead is not None
-            photo = ahead.result()
-            if number + 1 < len(cameras):
-                ahead = loader.submit(load_photo, number + 1)
-            if photo is not None:
-                view = photo_view(photo, camera, scene, options)
-                del photo
-                add_photo(spill, number, points, view, options)
-            if progress:
-                progress(number + 1, len(cameras))
+    for number, view in enumerate(views):
+        if view is not None:
+            add_photo(spill, number, points, view, options)
+        del view  # before the next one is made
+        if progress:
+            progress(number + 1, count)
     return spill
 
 
@@ -62,10 +94,3 @@ def add_photo(
             spill.add(number, chunk, samples)
 
     in_parallel(one, range(len(points.sizes)))
-
-
-def in_parallel(work: Callable[[int], None], numbers: Iterable[int]) -> None:
-    """Call `work` in threads: numpy and OpenCV leave the interpreter's lock alone."""
-    with ThreadPoolExecutor(min(os.cpu_count() or 1, 8)) as pool:
-        for _ in pool.map(work, numbers):
-            pass

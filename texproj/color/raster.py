@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.color.atlas import Atlas
+from texproj.color.threads import in_parallel
 
 BATCH = 1 << 14
 """Faces that are turned into spans at once, to bound memory."""
@@ -21,9 +22,12 @@ def face_image(atlas: Atlas, page: int) -> NDArray[np.int32]:
     width, height = atlas.page_sizes[page]
     image = np.full((height, width), -1, np.int32)
     faces = np.flatnonzero(atlas.page_of_face == page)
-    for start in range(0, len(faces), BATCH):
-        batch = faces[start : start + BATCH]
+
+    def one(number: int) -> None:
+        batch = faces[number * BATCH : (number + 1) * BATCH]
         _draw(image, atlas.uv_px[atlas.faces[batch]], batch)
+
+    in_parallel(one, range(-(-len(faces) // BATCH)))
     return image
 
 

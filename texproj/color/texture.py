@@ -13,14 +13,16 @@ from texproj.camera import Camera
 from texproj.color.atlas import Atlas
 from texproj.color.combine import Blend, blend
 from texproj.color.density import texels_per_unit
+from texproj.color.depths import Depths
 from texproj.color.gains import Gains, no_gains, solve_gains
 from texproj.color.pages import fill_page
-from texproj.color.project import LoadPhoto, Progress, in_parallel, project_photos
+from texproj.color.project import LoadPhoto, Progress, project_depths
 from texproj.color.quality import coverage, per_photo
 from texproj.color.result import Texture
 from texproj.color.scratch import Scratch
 from texproj.color.spill import Spill
 from texproj.color.texels import TexelPoints
+from texproj.color.threads import in_parallel
 from texproj.color.unseen import fill_unseen
 from texproj.color.unwrap import unwrap
 from texproj.mesh import Mesh
@@ -47,17 +49,17 @@ def color_texture(
     called once per photo; progress: called with photos done and photos in all.
     """
     options = options or ColorOptions()
-    with renderer.load(mesh) as scene:
-        density = texels_per_unit(mesh, cameras, scene, options)
-        atlas = unwrap(mesh, density, unwrap_options)
-        with closing(Scratch()) as scratch:
-            points = TexelPoints.of(mesh, atlas, scratch)
-            spill = project_photos(points, cameras, load_photo, scene, options, scratch, progress)
-            gains = solve_gains(spill, len(cameras)) if options.gains else no_gains(len(cameras))
-            pages, counts, share = bake(points, atlas, spill, gains, options)
-            fill_unseen(mesh, atlas, points, pages, counts)
-            for number, page in enumerate(pages):
-                fill_page(page, points.inside(number, page.shape))
+    with closing(Scratch()) as scratch:
+        with renderer.load(mesh) as scene:
+            depths = Depths.of(cameras, scene, options, scratch)
+        atlas = unwrap(mesh, texels_per_unit(mesh, cameras, depths, options), unwrap_options)
+        points = TexelPoints.of(mesh, atlas, scratch)
+        spill = project_depths(points, cameras, load_photo, depths, options, scratch, progress)
+        gains = solve_gains(spill, len(cameras)) if options.gains else no_gains(len(cameras))
+        pages, counts, share = bake(points, atlas, spill, gains, options)
+        fill_unseen(mesh, atlas, points, pages, counts)
+        for number, page in enumerate(pages):
+            fill_page(page, points.inside(number, page.shape))
     quality = coverage(counts, sum(points.sizes)) | {"photos": per_photo(gains, share)}
     return Texture(atlas, tuple(pages), tuple(counts), quality)
 

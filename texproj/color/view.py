@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import cv2
 import numpy as np
@@ -21,6 +22,9 @@ WHITE = 60000.0
 
 LINEAR16_OF_SRGB8 = np.round(LINEAR_OF_SRGB8 * WHITE).astype(np.uint16)
 
+STRIP = 128
+"""Rows of a reduced image that are made at once."""
+
 LENS_CELL = 8
 """Pixels of the depth image per node of the table of lens displacements."""
 
@@ -29,8 +33,8 @@ LENS_CELL = 8
 class PhotoView:
     """A photo, its camera and what it sees of the mesh.
 
-    camera: of the photo's decoded size; levels: the photo in linear light, 16 bit (`WHITE`),
-    each level half the size of the one before; depth_camera: pinhole, covers the photo;
+    camera: of the photo's decoded size; levels: see `image_pyramid`;
+    depth_camera: pinhole, covers the photo;
     hull: (h, w, 2) float32 in the pixels of the depth camera: depth along its axis (inf = nothing
     there) and the silhouette factor; trust: (h, w) float32 product of the picture factors, in a
     reduced picture of the photo.
@@ -39,7 +43,7 @@ class PhotoView:
     camera: Camera
     depth_camera: Camera
     hull: Floats
-    levels: tuple[NDArray[np.uint16], ...] = ()
+    levels: tuple[NDArray[Any], ...] = ()
     trust: Floats | None = None
 
     @cached_property
@@ -60,12 +64,19 @@ class PhotoView:
 
 def photo_view(photo: Photo, camera: Camera, scene: Scene, options: ColorOptions) -> PhotoView:
     """What `photo` sees of the scene. `camera` is that of the full-size photo."""
-    camera = camera.resized(photo.width, photo.height)
     depth_camera, depth = depth_seen(camera, scene, options.depth_scale)
+    return view_of(photo, camera, depth_camera, depth, options)
+
+
+def view_of(
+    photo: Photo, camera: Camera, depth_camera: Camera, depth: Floats, options: ColorOptions
+) -> PhotoView:
+    """A photo with what its (full-size) camera sees, rendered before by `depth_seen`."""
+    camera = camera.resized(photo.width, photo.height)
     focal, diagonal = depth_camera.intrinsics.fx, np.hypot(camera.width, camera.height)
     feather = options.silhouette_feather * diagonal * focal / camera.intrinsics.fx
     levels = image_pyramid(photo)
-    small = levels[min(1, len(levels) - 1)]
+    small = levels[1] if len(levels) > 1 else linear16(photo.pixels)
     trust = np.ones(small.shape[:2], np.float32)
     for factor in picture_factors(photo, small, WHITE, options).values():
         trust *= factor
@@ -81,13 +92,33 @@ def depth_seen(camera: Camera, scene: Scene, scale: float) -> tuple[Camera, Floa
     return depth_camera, depth
 
 
-def image_pyramid(photo: Photo, smallest: int = 32) -> tuple[NDArray[np.uint16], ...]:
-    """The photo in linear light as 16-bit images, each half as large as the one before."""
-    if photo.encoding == "srgb":
-        image = cv2.LUT(photo.pixels, LINEAR16_OF_SRGB8)
-    else:
-        image = np.clip(photo.pixels * WHITE, 0, 65535).astype(np.uint16)
-    levels = [image]
+def image_pyramid(photo: Photo, smallest: int = 32) -> tuple[NDArray[Any], ...]:
+    """The photo, then linear 16-bit images (`WHITE`), each half as large as the one before. The
+    first is kept as it is if it has 8 bits (sRGB), for half the memory.
+    """
+    first = photo.pixels if photo.encoding == "srgb" else linear16(photo.pixels)
+    levels: list[NDArray[Any]] = [first]
     while min(levels[-1].shape[:2]) >= 2 * smallest:
-        levels.append(cv2.resize(levels[-1], None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
+        levels.append(_halved(levels[-1]))
     return tuple(levels)
+
+
+def _halved(image: NDArray[Any]) -> NDArray[np.uint16]:
+    """The linear image of half the size, area averaged, strip by strip."""
+    height, width = image.shape[0] // 2, image.shape[1] // 2
+    out = np.empty((height, width, 3), np.uint16)
+    for top in range(0, height, STRIP):
+        rows = slice(top, min(top + STRIP, height))
+        part = linear16(image[2 * rows.start : 2 * rows.stop, : 2 * width])
+        size = (width, rows.stop - rows.start)
+        cv2.resize(part, size, dst=out[rows], interpolation=cv2.INTER_AREA)
+    return out
+
+
+def linear16(pixels: NDArray[Any]) -> NDArray[np.uint16]:
+    """sRGB uint8, linear float32 or linear uint16 (`WHITE`) values as the latter."""
+    if pixels.dtype == np.uint8:
+        return cv2.LUT(pixels, LINEAR16_OF_SRGB8)
+    if pixels.dtype == np.uint16:
+        return pixels
+    return np.clip(pixels * np.float32(WHITE), 0, 65535).astype(np.uint16)

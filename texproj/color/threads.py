@@ -1,0 +1,30 @@
+"""Two ways to use more than one processor: numpy and OpenCV leave the interpreter's lock alone."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+T = TypeVar("T")
+
+
+def in_parallel(work: Callable[[int], None], numbers: Iterable[int]) -> None:
+    """Call `work` in threads; the first exception is raised."""
+    with ThreadPoolExecutor(min(os.cpu_count() or 1, 8)) as pool:
+        for _ in pool.map(work, numbers):
+            pass
+
+
+def ahead(make: Callable[[int], T], count: int) -> Iterator[T]:
+    """make(0), make(1), ...; one is made in a thread while the one before is used."""
+    with ThreadPoolExecutor(1) as pool:
+        following = pool.submit(make, 0) if count else None
+        for number in range(count):
+            assert following is not None
+            made = following.result()
+            if number + 1 < count:
+                following = pool.submit(make, number + 1)
+            yield made
+            del made
