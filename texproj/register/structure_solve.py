@@ -184,14 +184,14 @@ def least_squares(
     return minimize(problem, camera, Loss("cauchy", FINE_SCALE_PX / sigma), STEPS)
 
 
-def agrees(seen: Observation) -> NDArray[np.bool_]:
-    """(n,) which matches are within `FOUND_WITHIN_PX` of their place."""
-    return np.linalg.norm(seen.offset_px, axis=1) < FOUND_WITHIN_PX
+def agrees(seen: Observation, within_px: float = FOUND_WITHIN_PX) -> NDArray[np.bool_]:
+    """(n,) which matches are closer than `within_px`, pixels of the level, to their place."""
+    return np.linalg.norm(seen.offset_px, axis=1) < within_px
 
 
-def found_share(seen: Observation) -> float:
+def found_share(seen: Observation, within_px: float = FOUND_WITHIN_PX) -> float:
     """Share of all patches sought that were found in place."""
-    return float(agrees(seen).sum() / max(seen.patches, FULL_PATCHES))
+    return float(agrees(seen, within_px).sum() / max(seen.patches, FULL_PATCHES))
 
 
 def explained_share(seen: Observation, camera: Camera) -> float:

@@ -35,9 +35,10 @@ CELLS = 6
 """The picture is divided in so many rows and columns to see how far the agreement reaches."""
 LEAST_SYMMETRY = 0.8
 """Support of the mirrored photo, relative to the photo's, from which on the two are compared."""
-DETAIL = PatchRule(FINE, size_px=33, step_px=12, radius_px=8)
-"""Patches small enough to tell a facade from its mirror image."""
-MIRROR_MARGIN = 0.01
+DETAILS = (PatchRule(FINE, size_px=33, step_px=12, radius_px=8), LAST)
+DETAIL_WITHIN_PX = (2.0, 3.0)
+"""Patches, and distances counted as found, that tell a facade from its mirror image."""
+MIRROR_MARGIN = 0.005
 """By how much more of them the mirrored photo must show in place; a castle whose two halves
 are alike differs from its mirror image by .015 - .05, in six of six photos the right way."""
 
@@ -121,9 +122,15 @@ def _mirrored_fits_better(
     refined = refine(mirrored, rival.camera, LensPrior.of(camera, options))
     if refined is None:
         return False
-    own = found_share(view.observe(camera, DETAIL))
-    other = found_share(mirrored.observe(mirrored.full_camera(refined[1].x), DETAIL))
+    own = _detail(view, camera)
+    other = _detail(mirrored, mirrored.full_camera(refined[1].x))
     return other > own + MIRROR_MARGIN
+
+
+def _detail(view: StructureView, camera: Camera) -> float:
+    """Share of small patches in place, averaged over their sizes and what counts as in place."""
+    seen = [view.observe(camera, rule) for rule in DETAILS]
+    return float(np.mean([found_share(s, px) for s in seen for px in DETAIL_WITHIN_PX]))
 
 
 def _refusal(verdict: Verdict, zoom_sigmas: float, options: StructureOptions) -> str:
