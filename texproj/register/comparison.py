@@ -19,6 +19,7 @@ from texproj.register.surface_samples import (
     outline_samples,
     surface_samples,
 )
+from texproj.render.gbuffer import GBuffer
 from texproj.solve.mutual_information import (
     Array,
     Binned,
@@ -38,6 +39,7 @@ TAIL = 0.5
 SURFACE_SAMPLES, OUTLINE_SAMPLES = 12_000, 4_000
 MARGIN = 0.06
 """Part of the longer side added on each side of a distorted photo."""
+OUTLINE_BINS = 8
 LEAST_SAMPLES = 300
 """Samples below which there is too little of the mesh in view."""
 
@@ -47,12 +49,12 @@ class PhotoLevel:
     """A reduced photo without its lens distortion, so that a comparison needs no lens model.
 
     camera: the pinhole camera of this picture, which is a little larger than the photo;
-    gray_and_weight: (h, w, 2) float32, gray of any range, and weight in 0..1, which is 0 outside
-    of the photo and of its mask.
+    channels: (h, w, 3) float32, gray of any range, weight in 0..1, which is 0 outside of the
+    photo and of its mask, and strength of the gradient, 0..1.
     """
 
     camera: Camera
-    gray_and_weight: Image
+    channels: Image
 
     @classmethod
     def of(cls, photo: Photo, camera: Camera, longest_px: float, gradients: bool) -> PhotoLevel:
@@ -60,19 +62,21 @@ class PhotoLevel:
         factor = min(1.0, longest_px / max(photo.width, photo.height))
         photo = photo.resized(round(photo.width * factor), round(photo.height * factor))
         gray = cv2.GaussianBlur(photo.gray(), (0, 0), BLUR_PX)
-        gray = gradient_strength(gray) if gradients else gray
+        edges = gradient_strength(gray)
+        gray = edges if gradients else gray
         weight = np.ones_like(gray)
         if photo.mask is not None:
             weight = (photo.mask > 0).astype(np.float32)
         lens = camera.intrinsics.resized(photo.width, photo.height)
         wide = _widened(lens)
-        return cls(Camera(wide, camera.pose), _undistorted(cv2.merge([gray, weight]), lens, wide))
+        return cls(
+            Camera(wide, camera.pose), _undistorted(cv2.merge([gray, weight, edges]), lens, wide)
+        )
 
-    def sampled(self, xy_px: Array) -> tuple[Image, Image]:
-        """((n,) gray, (n,) weight) at pixels of this picture."""
+    def sampled(self, xy_px: Array) -> Image:
+        """(n, 3) channels at pixels of this picture."""
         place = np.nan_to_num(xy_px - 0.5, nan=-9.0).astype(np.float32).reshape(-1, 1, 2)
-        found = cv2.remap(self.gray_and_weight, place, None, cv2.INTER_LINEAR).reshape(-1, 2)
-        return found[:, 0], found[:, 1]
+        return cv2.remap(self.channels, place, None, cv2.INTER_LINEAR).reshape(-1, 3)
 
 
 def _widened(lens: Intrinsics) -> Intrinsics:
@@ -104,10 +108,13 @@ def _projected(camera: Camera, xyz_in_world: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """xyz_in_world: (n, 3); maps: what the mesh shows there, in bins."""
+    """xyz_in_world: (n, 3); maps: what the mesh shows there, in bins; edges: to be compared with
+    the photo's gradients, not its gray.
+    """
 
     xyz_in_world: Array
     maps: tuple[Binned, ...]
+    edges: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,9 +133,13 @@ class Comparison:
 
     @classmethod
     def at(
-        cls, level: PhotoLevel, render: Render, options: MutualInformationOptions
+        cls, level: PhotoLevel, render: Render, options: MutualInformationOptions, exact: bool
     ) -> Comparison | None:
-        """None if too little of the mesh is in view."""
+        """None if too little of the mesh is in view.
+
+        exact: compare the outline with the photo's edges, which lie where it is but are found
+        from close by only; else what is inside of it with what is outside.
+        """
         here = level.camera
         images = render(here)
         surface = surface_samples(images, here, options.maps, SURFACE_SAMPLES, options.gradients)
@@ -137,11 +148,10 @@ class Comparison:
             return None
         layers = [_layer(surface, options.bins)] if surface.values else []
         if "silhouette" in options.maps:
-            outline = _usable(outline_samples(images, here, OUTLINE_SAMPLES), level)
-            layers += [_layer(outline, 2)] if len(outline) else []
+            layers += _outline_layers(images, level, exact)
         if not layers:
             return None
-        gray = level.sampled(_projected(here, surface.xyz_in_world))[0]
+        gray = level.sampled(_projected(here, surface.xyz_in_world))[:, 0]
         low, high = np.percentile(gray, (TAIL, 100 - TAIL))
         gray_range = (float(low), float(max(high, low + 1e-3)))
         area = float(foreground(images).sum())
@@ -165,9 +175,9 @@ class Comparison:
         return float(sum(self._shared(layer, camera) for layer in self.layers))
 
     def _shared(self, layer: Layer, camera: Camera) -> float:
-        gray, weight = self.level.sampled(_projected(camera, layer.xyz_in_world))
+        gray, weight, edge = self.level.sampled(_projected(camera, layer.xyz_in_world)).T
         low, high = self.gray_range
-        steps = binned((gray - low) / (high - low), self.bins)
+        steps = binned(edge if layer.edges else (gray - low) / (high - low), self.bins)
         joints = [joint_histogram(steps, shown, weight) for shown in layer.maps]
         if self.measure == "normalized":
             told = sum(normalized_mutual_information(j) - 1 for j in joints)
@@ -176,11 +186,17 @@ class Comparison:
         return told * float(weight.mean())
 
 
+def _outline_layers(images: GBuffer, level: PhotoLevel, exact: bool) -> list[Layer]:
+    outline = outline_samples(images, level.camera, OUTLINE_SAMPLES, exact)
+    outline = _usable(outline, level)
+    return [_layer(outline, OUTLINE_BINS if exact else 2, edges=exact)] if len(outline) else []
+
+
 def _usable(samples: Samples, level: PhotoLevel) -> Samples:
     """Those that fall on the photo and its mask from the level's camera."""
-    weight = level.sampled(_projected(level.camera, samples.xyz_in_world))[1]
+    weight = level.sampled(_projected(level.camera, samples.xyz_in_world))[:, 1]
     return samples.chosen(weight > 0.5)
 
 
-def _layer(samples: Samples, bins: int) -> Layer:
-    return Layer(samples.xyz_in_world, tuple(binned(v, bins) for v in samples.values))
+def _layer(samples: Samples, bins: int, edges: bool = False) -> Layer:
+    return Layer(samples.xyz_in_world, tuple(binned(v, bins) for v in samples.values), edges)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.camera import Camera
+from texproj.camera import Camera, Pose
 from texproj.errors import RegistrationError
 from texproj.options import MutualInformationOptions
 from texproj.photo import Correspondences, Photo
@@ -85,7 +85,7 @@ class Task:
         """At a part of the working size; None if too little of the mesh is in view."""
         longest = size * min(self.options.working_px, max(self.photo.width, self.photo.height))
         level = PhotoLevel.of(self.photo, camera, longest, self.options.gradients)
-        return Comparison.at(level, self.render, self.options)
+        return Comparison.at(level, self.render, self.options, exact=size >= 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +116,11 @@ def register_mutual_information(
     before = _required(task, prior)
     found = settled(task, ascend(task, prior, (*COARSE, *MIDDLE)))
     shown = _required(task, found.camera)
-    apart = tuple(_restarted_apart(task, shown, found.camera, seed) for seed in range(RESTARTS))
+    ends = [_restarted(task, shown, found.camera, seed) for seed in range(RESTARTS)]
+    apart = tuple(motion_px(e, found.camera, shown.points[::40]) / prior.width for e in ends)
+    if max(apart) < AGREED:
+        found = replace(found, camera=_mean([found.camera, *ends]))
+        shown = _required(task, found.camera)
     verdict = verify(photo, found.camera, render)
     proof = Evidence(before.information(before.camera), found, apart, verdict)
     return _fit(task, shown, proof)
@@ -221,14 +225,21 @@ def settled(task: Task, found: Outcome) -> Outcome:
     return found
 
 
-def _restarted_apart(task: Task, shown: Comparison, camera: Camera, seed: int) -> float:
-    """Where the search ends from a place beside `camera`: distance to it, share of the width."""
+def _restarted(task: Task, shown: Comparison, camera: Camera, seed: int) -> Camera:
+    """Where the search ends from a place beside `camera`."""
     steps = CameraSteps.around(shown.camera, shown.points[::40])
     aside = np.random.default_rng(seed).standard_normal(steps.count)
     aside *= ASIDE * shown.camera.width / np.linalg.norm(aside)
-    start = moved(camera, steps, aside)
-    end = ascend(task, start, (*MIDDLE, FINE))
-    return motion_px(end.camera, camera, shown.points[::40]) / camera.width
+    return ascend(task, moved(camera, steps, aside), (*MIDDLE, FINE)).camera
+
+
+def _mean(cameras: list[Camera]) -> Camera:
+    """Of cameras that hardly differ."""
+    U, _, Vt = np.linalg.svd(np.mean([c.pose.R for c in cameras], axis=0))
+    t = np.mean([c.pose.t for c in cameras], axis=0)
+    zoom = float(np.exp(np.mean([np.log(c.intrinsics.fx) for c in cameras])))
+    k = cameras[0].intrinsics
+    return Camera(replace(k, fx=zoom, fy=zoom * k.fy / k.fx), Pose(U @ Vt, t))
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,8 +24,9 @@ Mask = NDArray[np.bool_]
 
 RIM_PX = 1
 """Pixels along the outline that belong half to the background."""
-BAND = 0.06
-"""Width of the band on either side of the outline, as a share of the picture's longer side."""
+WIDE, NARROW_PX = 0.06, 6.0
+"""Width of the band on either side of the outline: as a share of the picture's longer side for a
+rough comparison, in pixels for an exact one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,28 +69,30 @@ def surface_samples(
     return Samples(xyz, tuple(p[y, x] for p in pictures))
 
 
-def outline_samples(images: GBuffer, camera: Camera, most: int) -> Samples:
-    """Points on both sides of the outline, labelled 1 on the mesh and 0 beside it.
+def outline_samples(images: GBuffer, camera: Camera, most: int, distances: bool) -> Samples:
+    """Points on both sides of the outline: labelled 1 on the mesh and 0 beside it, or, with
+    `distances`, by their distance to it, 1 = the width of a narrow band.
 
     A point beside the mesh is taken at the depth of the nearest point of the mesh, so that it
     moves with the outline.
     """
     solid = foreground(images)
     assert images.depth is not None
-    reach = BAND * max(camera.width, camera.height)
     if not solid.any() or solid.all():
         return Samples(np.zeros((0, 3)), (np.zeros(0, np.float32),))
+    reach = NARROW_PX if distances else WIDE * max(camera.width, camera.height)
     outside, nearest = cv2.distanceTransformWithLabels(
         (~solid).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
     )
     inside = cv2.distanceTransform(solid.astype(np.uint8), cv2.DIST_L2, 5)
-    band = (outside < reach) & (inside < reach)
-    y, x = _thinned(band, most)
+    y, x = _thinned((outside < reach) & (inside < reach), most)
     depth_of_label = np.zeros(int(nearest.max()) + 1)
     depth_of_label[nearest[solid]] = images.depth[solid]
-    depth = depth_of_label[nearest[y, x]]
-    xyz = camera.unproject(np.stack([x, y], axis=1) + 0.5, depth)
-    return Samples(xyz, (solid[y, x].astype(np.float32),))
+    xyz = camera.unproject(np.stack([x, y], axis=1) + 0.5, depth_of_label[nearest[y, x]])
+    if not distances:
+        return Samples(xyz, (solid[y, x].astype(np.float32),))
+    away = np.where(solid, inside, outside)[y, x] - np.float32(0.5)
+    return Samples(xyz, (np.clip(away / np.float32(reach), 0, 1),))
 
 
 def _thinned(mask: Mask, most: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
