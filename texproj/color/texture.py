@@ -15,6 +15,7 @@ from texproj.color.combine import Blend, blend
 from texproj.color.density import texels_per_unit
 from texproj.color.depths import Depths
 from texproj.color.gains import Gains, no_gains, solve_gains
+from texproj.color.memory import return_freed_memory
 from texproj.color.pages import fill_page
 from texproj.color.project import LoadPhoto, Progress, project_depths
 from texproj.color.quality import coverage, per_photo
@@ -49,6 +50,7 @@ def color_texture(
     called once per photo; progress: called with photos done and photos in all.
     """
     options = options or ColorOptions()
+    return_freed_memory()
     with closing(Scratch()) as scratch:
         with renderer.load(mesh) as scene:
             depths = Depths.of(cameras, scene, options, scratch)
