@@ -110,7 +110,7 @@ def _judged(fit: Fit, known: Sequence[Known]) -> Fit:
         f"only {inliers} of {len(fit.inliers)} points found in registered photos agree; "
         "pick 4 points"
     )  # fmt: skip
-    quality = {k: v for k, v in fit.quality.items() if k != "outliers"}
+    quality = {k: v for k, v in fit.quality.items() if k not in ("outliers", "picks")}
     return replace(
         fit, method="features", names=(), accepted=accepted, reason=reason,
         expected_error_px=float(np.hypot(fit.expected_error_px, inherited)), quality=quality,

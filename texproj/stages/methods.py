@@ -5,6 +5,7 @@ project has the means for.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 from texproj.camera import Camera, Intrinsics
@@ -55,17 +56,23 @@ def find_camera(
 
 
 def find_by_others(
-    bench: Workbench, name: str, start: CameraRecord | None, neighbors: Neighbors
+    bench: Workbench,
+    name: str,
+    start: CameraRecord | None,
+    neighbors: Neighbors,
+    earlier: str = "",
 ) -> Fit:
     """The camera of photo `name` by what other photos show of the same surface; then by structure
-    from where they were taken. Raises RegistrationError.
+    from where they were taken. earlier: why its own means did not find it. Raises
+    RegistrationError.
     """
     others = [_in_place_of(bench.project, name, start, neighbors[n]) for n in neighbors]
     if has_means(bench.project, name, start):
         others = []
     attempts = [partial(_by_features, bench, name, start, neighbors)]
     attempts += [partial(_from_camera, bench, name, camera) for camera in others[:NEAREST]]
-    return _first(attempts, [])
+    fit = _first(attempts, [earlier] if earlier else [])
+    return replace(fit, reason="; ".join(filter(None, [fit.reason, earlier]))) if earlier else fit
 
 
 def has_means(project: Project, name: str, start: CameraRecord | None) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from texproj.errors import InputError, RegistrationError, TexprojError
 from texproj.files import json_hash
 from texproj.formats.cameras import entry_of_record, record_of_entry
 from texproj.project import Project
-from texproj.records import CameraRecord, Fit
+from texproj.records import CameraRecord, Fit, Method
 from texproj.stages.bench import Workbench
 from texproj.stages.freshness import (
     Freshness,
@@ -28,6 +29,8 @@ from texproj.stages.progress import Progress, silent
 STAGE = "register"
 VERSION = 1
 SECTIONS = ("register", "points", "structure", "render")
+UNUSABLE = "unusable_input"
+"""Key of an entry's quality: a file of the photo cannot be read, so nothing else is tried."""
 OTHERS = "other registered photos"
 START_KEY = "start"
 """Key of a cameras.json entry under which the camera is kept that registration started from."""
@@ -48,6 +51,11 @@ class PhotoOutcome:
     def failed(self) -> bool:
         return self.record.status == "failed"
 
+    @property
+    def may_be_helped(self) -> bool:
+        """Whether other photos could find what its own means did not."""
+        return self.failed and not self.record.quality.get(UNUSABLE)
+
 
 def register_photos(
     bench: Workbench, names: Sequence[str] | None = None, progress: Progress = silent
@@ -63,12 +71,19 @@ def register_photos(
     outcomes: dict[str, PhotoOutcome] = {}
     able = [n for n in chosen if has_means(project, n, start_of(entries.get(n)))]
     auto = project.settings.options("register").method == "auto"
-    for find, wanted in ((find_camera, able if auto else chosen), (find_by_others, chosen)):
-        for name in wanted:
-            if name not in outcomes or (auto and outcomes[name].failed):
-                progress(STAGE, min(len(outcomes), len(chosen) - 1), len(chosen), name)
-                outcomes[name] = _register_one(bench, name, entries, find)
-                entries[name] = outcomes[name].record
+
+    def attend(name: str, find: Find) -> None:
+        progress(STAGE, min(len(outcomes), len(chosen) - 1), len(chosen), name)
+        outcomes[name] = _register_one(bench, name, entries, find)
+        entries[name] = outcomes[name].record
+
+    for name in able if auto else chosen:
+        attend(name, find_camera)
+    for name in chosen:
+        if name not in outcomes:
+            attend(name, find_by_others)
+        elif auto and outcomes[name].may_be_helped:
+            attend(name, partial(find_by_others, earlier=outcomes[name].reason))
     progress(STAGE, len(chosen), len(chosen), "")
     project.save_hashes()
     return [outcomes[name] for name in chosen]
@@ -102,7 +117,7 @@ def _register_one(
     record = _attempt(find, bench, name, start, _neighbors(name, entries))
     project.save_cameras([record])
     inputs = _inputs(project, name, {**entries, name: record})
-    if find is not find_by_others and OTHERS in inputs:
+    if find is find_camera and OTHERS in inputs:
         inputs[OTHERS] = "not compared yet"
     project.save_record(STAGE, name, {"inputs": inputs})
     return PhotoOutcome(name, record, False, record.quality.get("reason", ""))
@@ -114,6 +129,8 @@ def _freshness(project: Project, name: str, entries: Mapping[str, CameraRecord])
         return Freshness(STAGE, name, False, "not registered yet")
     if _is_external(project, entry):
         return Freshness(STAGE, name, True, "registered elsewhere, kept as it is")
+    if entry.status == "prior":
+        return Freshness(STAGE, name, False, "not registered yet, there is a start camera")
     record = project.load_record(STAGE, name)
     reason = changed_inputs(record, _inputs(project, name, entries))
     return Freshness(STAGE, name, not reason, reason)
@@ -158,10 +175,13 @@ def _attempt(
     """Try what the settings ask for; the failure of a photo becomes its entry."""
     try:
         fit = find(bench, name, start, neighbors)
-    except (RegistrationError, InputError) as error:
-        return _failed_record(bench.project, name, start, str(error).removeprefix(f"{name}: "))
+    except RegistrationError as error:
+        return _failed_record(bench.project, name, start, {"reason": _without_name(error, name)})
+    except InputError as error:
+        quality = {"reason": _without_name(error, name), UNUSABLE: True}
+        return _failed_record(bench.project, name, start, quality)
     if not fit.accepted:
-        return _failed_record(bench.project, name, start, fit.reason, fit)
+        return _failed_record(bench.project, name, start, fit_quality(fit), fit.method)
     return _record_of_fit(name, start, fit)
 
 
@@ -175,13 +195,19 @@ def _record_of_fit(name: str, start: CameraRecord | None, fit: Fit) -> CameraRec
     )  # fmt: skip
 
 
+def _without_name(error: Exception, name: str) -> str:
+    return str(error).removeprefix(f"{name}: ")
+
+
 def _failed_record(
-    project: Project, name: str, start: CameraRecord | None, reason: str, fit: Fit | None = None
+    project: Project,
+    name: str,
+    start: CameraRecord | None,
+    quality: dict[str, Any],
+    method: Method | None = None,
 ) -> CameraRecord:
     intrinsics: Intrinsics | None = start.intrinsics if start else None
     width, height = _size(project, name, start)
-    quality = {**(fit_quality(fit) if fit else {}), "reason": reason}
-    method = fit.method if fit else None
     extra = _extra(start)
     return CameraRecord(name, width, height, intrinsics, None, "failed", method, quality, extra)
 
