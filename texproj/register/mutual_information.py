@@ -62,14 +62,17 @@ SCATTERED, FOLLOWED = 120, 2
 """Places tried around the start, and how many of the best are followed."""
 RESTARTS, ASIDE = 2, 0.01
 """Searches that start again beside the result, and how far, as a share of the width."""
-AGREED = 0.003
+FLAT = 0.1
+"""Largest curvature, nats per squared pixel, below which there is no peak."""
+AGREED = 0.005
 """Distance between their ends, as a share of the width, that still counts as the same."""
-SYSTEMATIC = 0.0014
+SYSTEMATIC = 0.001
 """What light from one side shifts, as a share of the width (synthetic matte objects)."""
 LEAST_SUPPORT, ENOUGH_PATCHES = 0.15, 100
 """Share of structure in place below which the result is by chance, if there are so many patches."""
-CURVATURE_STEP_PX, LEAST_CURVATURE = 2.0, 0.01
-"""Step of the differences, and least curvature that is believed (nats per squared pixel)."""
+CURVATURE_RADIUS_PX, LEAST_CURVATURE = 4.0, 0.05
+"""Where the peak's shape is measured, and its least curvature relative to the largest: less is
+the roughness of the measure, not a direction in which nothing is known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -275,7 +278,8 @@ def _fit(task: Task, shown: Comparison, proof: Evidence) -> Fit:
     free = ("focal",) if task.options.focal else ()
     jacobian = projection_jacobian(camera, shown.points[::40], free)
     spread = float(np.einsum("nip,pq,niq->n", jacobian, covariance, jacobian).mean())
-    error = float(np.linalg.norm([np.sqrt(spread), SYSTEMATIC * camera.width]))
+    scattered = np.mean(np.square(proof.apart)) / (1 + RESTARTS)  # of the mean of all ends
+    error = camera.width * float(np.sqrt(spread / camera.width**2 + scattered + SYSTEMATIC**2))
     reason = _refusal(proof, 100 * error / camera.width, task.options)
     picks = task.picks
     residual = np.zeros(0)
@@ -305,8 +309,8 @@ def _quality(proof: Evidence) -> dict[str, Any]:
 def _covariance(task: Task, shown: Comparison, camera: Camera) -> Array:
     """(p, p) of rotation, translation (and log focal) as `Pose.step`: how sharp the peak is."""
     steps = CameraSteps.around(shown.camera, shown.points[::40], task.options.focal)
-    bend = -curvature(objective(task, shown, steps, camera), steps.count, CURVATURE_STEP_PX)
+    bend = -curvature(objective(task, shown, steps, camera), steps.count, CURVATURE_RADIUS_PX)
     values, vectors = np.linalg.eigh(bend)
-    in_steps = (vectors / np.maximum(values, LEAST_CURVATURE)) @ vectors.T
+    in_steps = (vectors / np.maximum(values, LEAST_CURVATURE * max(values[-1], FLAT))) @ vectors.T
     to_delta = steps.pose_delta()
     return to_delta @ in_steps @ to_delta.T

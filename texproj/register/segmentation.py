@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.errors import RegistrationError
-from texproj.photo import Photo
+from texproj.photo import Photo, srgb_from_linear
 
 Mask = NDArray[np.bool_]
 Floats = NDArray[np.float32]
@@ -71,9 +71,10 @@ def uniform_background(picture: NDArray[np.uint8]) -> Mask | None:
 def _fitted(basis: NDArray[np.float64], values: Floats) -> tuple[NDArray[np.float64], float]:
     """Coefficients of the majority of the values, and their scatter."""
     kept = np.ones(len(values), bool)
-    coefficients, scatter = np.zeros((basis.shape[1], values.shape[1])), np.inf
+    coefficients: NDArray[np.float64] = np.zeros((basis.shape[1], values.shape[1]))
+    scatter = np.inf
     for _ in range(8):
-        coefficients = np.linalg.lstsq(basis[kept], values[kept], rcond=None)[0]
+        coefficients = np.linalg.lstsq(basis[kept], values[kept].astype(float), rcond=None)[0]
         gap = np.linalg.norm(values - basis @ coefficients, axis=1)
         scatter = float(np.percentile(gap, 60))
         kept = gap < max(2.5 * scatter, LEAST_SCATTER)
@@ -116,5 +117,4 @@ def _reduced(photo: Photo) -> NDArray[np.uint8]:
     small = photo.resized(round(photo.width * factor), round(photo.height * factor))
     if small.encoding == "srgb":
         return np.asarray(small.pixels, np.uint8)
-    encoded = np.clip(small.pixels, 0, 1) ** (1 / 2.2) * 255
-    return encoded.astype(np.uint8)
+    return (srgb_from_linear(small.pixels) * 255).astype(np.uint8)

@@ -22,6 +22,8 @@ PROBE_STEP = 1e-4
 WEAKEST = 0.05
 """Sensitivity, relative to the strongest move, below which a move is not stretched any further:
 what hardly shows in the picture must not run away."""
+PLACES_EACH = 3
+"""Evaluations per unknown of a quadratic fit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,17 +134,20 @@ def maximize(
     return replace(best, evaluations=count)
 
 
-def curvature(function: Callable[[Array], float], parameters: int, step: float) -> Array:
-    """(p, p) second derivatives at 0 by differences over +-`step`."""
-    axes = step * np.eye(parameters)
-    middle = function(np.zeros(parameters))
-    ahead = [function(a) for a in axes]
-    behind = [function(-a) for a in axes]
-    out = np.diag([f + b - 2 * middle for f, b in zip(ahead, behind, strict=True)])
-    for i in range(parameters):
-        for j in range(i):
-            both = function(axes[i] + axes[j]) + function(-axes[i] - axes[j])
-            out[i, j] = out[j, i] = (
-                both - ahead[i] - behind[i] - ahead[j] - behind[j] + 2 * middle
-            ) / 2
-    return out / step**2
+def curvature(function: Callable[[Array], float], parameters: int, radius: float) -> Array:
+    """(p, p) second derivatives around 0: of the quadratic that fits the function best at random
+    places `radius` away. A function that is rough on a smaller scale does no harm.
+    """
+    p = parameters
+    rows, columns = np.triu_indices(p)
+    rng = np.random.default_rng(0)
+    places = rng.standard_normal((PLACES_EACH * (1 + p + len(rows)), p))
+    places *= radius / np.linalg.norm(places, axis=1, keepdims=True)
+    places *= rng.uniform(0.3, 1.3, (len(places), 1))
+    values = np.array([function(place) for place in places])
+    squares = places[:, rows] * places[:, columns]
+    basis = np.concatenate([np.ones((len(places), 1)), places, squares], axis=1)
+    fitted = np.linalg.lstsq(basis, values, rcond=None)[0][1 + p :]
+    out = np.zeros((p, p))
+    out[rows, columns] = fitted
+    return out + out.T

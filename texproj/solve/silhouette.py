@@ -38,7 +38,8 @@ def outline(mask: Mask) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     border = {"borderType": cv2.BORDER_CONSTANT, "borderValue": 1}
     cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
     inner = cv2.erode(mask.astype(np.uint8), cross, **border) > 0
-    return np.nonzero(mask & ~inner)
+    y, x = np.nonzero(mask & ~inner)
+    return y, x
 
 
 def xor_share(a: Mask, b: Mask) -> float:
