@@ -1,10 +1,14 @@
 """One photo for each face: as good as possible, and in large patches.
 
 A Potts model on the faces, minimized by alpha expansion (Boykov, Veksler, Zabih, "Fast approximate
-energy minimization via graph cuts", PAMI 2001) with the maximum flow of SciPy.
+energy minimization via graph cuts", PAMI 2001) with the maximum flow of SciPy. First for groups of
+faces, then for smaller ones and at last for faces, each time only beside the seams found so far:
+the flow of a whole surface would take minutes.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,93 +18,194 @@ from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 from texproj.color.patch_views import FaceViews
 from texproj.color.points import Floats
 from texproj.color.segmentation import DualGraph, connected
+from texproj.mesh import Mesh, face_areas
 
-CYCLES = 4
-"""Rounds over all photos at most; more than three hardly change anything."""
+GROUPS_PX = (40.0, 13.0)
+"""Sizes of the groups of faces, from coarse to fine, pixels of the best photo."""
 
-STEPS = 50.0
+RINGS = 3
+"""How far from a seam faces or groups may still change, in neighbors."""
+
+CYCLES = 3
+"""Rounds over all photos at most; more hardly change anything."""
+
+STEPS = 20.0
 """Integer steps of the energy per square pixel: SciPy's flow counts in integers."""
 
 LARGEST = 1 << 26
 """Largest capacity, so that sums stay in 32 bits."""
 
+FORBIDDEN = 3.0
+"""Cost, in a group, of a face that the photo must not color: dearer than any that it may."""
+
 Labels = NDArray[np.int32]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 
 
-def choose_photos(
-    views: FaceViews, graph: DualGraph, areas: NDArray[np.float64], seam_px: float
-) -> Labels:
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """Nodes (faces or groups of them) that want a photo each. Energies in `STEPS` per pixel.
+
+    node, cost: (m,) the nodes that a photo may color and its cost there, photo after photo;
+    parts: where those of each photo are; pairs: (E, 2) neighbors, weight: (E,) what it costs if
+    they differ.
+    """
+
+    count: int
+    node: Ints
+    cost: Ints
+    parts: dict[int, slice]
+    pairs: Ints
+    weight: Ints
+
+    @classmethod
+    def of(cls, views: FaceViews, area_px: Floats, pairs: Ints, seam: Floats) -> _Problem:
+        """Every face a node."""
+        face, rank = np.nonzero(views.photo >= 0)
+        photo = views.photo[face, rank]
+        order = np.argsort(photo, kind="stable")
+        face, photo = face[order], photo[order]
+        cost = _steps(views.cost[face, rank[order]] * area_px[face])
+        return cls(len(area_px), face, cost, _runs(photo), pairs, _steps(seam))
+
+    def grouped(self, group: Ints, area: Ints) -> _Problem:
+        """Groups of faces as nodes; group: (F,) 0..n-1; area: (F,) steps."""
+        count = int(group.max()) + 1
+        ends = np.sort(group[self.pairs], axis=1)
+        ends, weight = ends[ends[:, 0] != ends[:, 1]], self.weight[ends[:, 0] != ends[:, 1]]
+        key, row = np.unique(ends @ np.array([count, 1]), return_inverse=True)
+        pairs = np.stack([key // count, key % count], axis=1)
+        weight = np.bincount(row, weight, len(key)).astype(np.int64)
+        photo = np.concatenate([np.full(s.stop - s.start, p) for p, s in self.parts.items()])
+        key, row = np.unique(photo * count + group[self.node], return_inverse=True)
+        node = key % count
+        shown = np.bincount(row, area[self.node], len(key))
+        hidden = np.bincount(group, area, count)[node] - shown
+        cost = np.bincount(row, self.cost, len(key)) + FORBIDDEN * hidden
+        return _Problem(count, node, cost.astype(np.int64), _runs(key // count), pairs, weight)
+
+    def cheapest(self) -> tuple[Labels, Ints]:
+        """(n,) the best photo of each node for itself, -1 where none, and its cost."""
+        best = np.full(self.count, np.iinfo(np.int64).max)
+        labels = np.full(self.count, -1, np.int32)
+        for photo, part in self.parts.items():
+            better = self.cost[part] < best[self.node[part]]
+            node = self.node[part][better]
+            labels[node], best[node] = photo, self.cost[part][better]
+        return labels, best
+
+    def costs(self, labels: Labels) -> Ints:
+        """(n,) cost of the photo of each node, 0 where it has none."""
+        out = np.zeros(self.count, np.int64)
+        for photo, part in self.parts.items():
+            own = labels[self.node[part]] == photo
+            out[self.node[part][own]] = self.cost[part][own]
+        return out
+
+    def beside_seams(self, labels: Labels) -> Bools:
+        """(n,) nodes at most `RINGS` neighbors from another label."""
+        near = np.zeros(self.count, bool)
+        near[self.pairs[labels[self.pairs[:, 0]] != labels[self.pairs[:, 1]]]] = True
+        for _ in range(RINGS - 1):
+            near[self.pairs[near[self.pairs].any(axis=1)]] = True
+        return near
+
+    def expanded(self, labels: Labels, free: Bools) -> Labels:
+        """Better labels by alpha expansion; only `free` nodes change."""
+        labels, current = labels.copy(), self.costs(labels)
+        around = np.bincount(self.pairs.ravel(), np.repeat(self.weight, 2), self.count)
+        for _ in range(CYCLES):
+            changed = 0
+            for photo, part in self.parts.items():
+                node, rise = self.node[part], self.cost[part] - current[self.node[part]]
+                movable = free[node] & (labels[node] != photo) & (rise <= around[node])
+                moved = self._expansion(labels, photo, node[movable], rise[movable])
+                chosen = np.flatnonzero(movable)[moved]
+                labels[node[chosen]] = photo
+                current[node[chosen]] += rise[chosen]
+                changed += len(chosen)
+            if changed <= self.count // 2000:
+                break
+        return labels
+
+    def _expansion(self, labels: Labels, photo: int, node: Ints, rise: Ints) -> Ints:
+        """Which of the nodes change to `photo` in the best such move; rise: of their cost."""
+        number = np.full(self.count, -1)
+        number[node] = np.arange(len(node))
+        touched = (number[self.pairs] >= 0).any(axis=1)
+        pairs, weight = self.pairs[touched], self.weight[touched]
+        i, j = number[pairs].T
+        both = (i >= 0) & (j >= 0)
+        before = np.where(labels[pairs[:, 0]] != labels[pairs[:, 1]], weight, 0)
+        gain = rise.astype(np.float64)
+        # Both free, with A, B, C, D the pair's energy for none, j, i, both moved: A + (C - A) i
+        # + (D - C) j + (B + C - A - D) (1 - i) j; here A = w or 0, B = C = w, D = 0.
+        gain += np.bincount(i[both], (weight - before)[both], len(node))
+        gain -= np.bincount(j[both], weight[both], len(node))
+        for one, other in ((i, 1), (j, 0)):
+            alone = (one >= 0) & ~both
+            after = np.where(labels[pairs[:, other]] == photo, 0, weight)
+            gain += np.bincount(one[alone], (after - before)[alone], len(node))
+        return _cut(gain.astype(np.int64), i[both], j[both], (2 * weight - before)[both])
+
+
+def choose_photos(mesh: Mesh, views: FaceViews, graph: DualGraph, seam_px: float) -> Labels:
     """(F,) photo of each face, -1 where none shows it.
 
-    areas: (F,) mesh units squared. The energy is, in pixels of the best photo, the sum of cost
-    times area over the faces plus `seam_px` times the length of all seams: a seam is worth as
-    much as a strip of that width at cost 1.
+    The energy is, in pixels of the best photo, the sum of cost times area over the faces plus
+    `seam_px` times the length of all seams: a seam is worth as much as a strip of that width at
+    cost 1.
     """
-    seen = views.seen
-    area_px = (areas * views.density.astype(np.float64) ** 2).astype(np.float32)
-    pairs = graph.pairs[seen[graph.pairs].all(axis=1)]
-    lengths = graph.lengths[seen[graph.pairs].all(axis=1)]
-    seam = seam_px * lengths * views.density[pairs].mean(axis=1)
     labels = views.photo[:, 0].copy()
-    photos = np.unique(views.photo[views.photo >= 0])
-    current = _steps(_finite(views.cost[:, 0]) * area_px)
-    weight = _steps(seam)
-    around = np.bincount(pairs.ravel(), np.repeat(weight, 2), len(labels))
-    for _ in range(CYCLES):
-        changed = 0
-        for photo in photos:
-            there = _steps(_finite(views.cost_of(int(photo))) * area_px)
-            movable = (
-                np.isfinite(views.cost_of(int(photo)))
-                & (labels != photo)
-                & (there - current <= around)
-            )
-            switch = _expansion(labels, photo, movable, there - current, (pairs, weight))
-            labels[switch] = photo
-            current[switch] = there[switch]
-            changed += len(switch)
-        if changed <= len(labels) // 2000:
-            break
-    return labels
+    if not views.seen.any():
+        return labels
+    area_px = (face_areas(mesh) * views.density.astype(np.float64) ** 2).astype(np.float32)
+    real = views.seen[graph.pairs].all(axis=1)
+    seam = seam_px * graph.lengths * views.density[graph.pairs].mean(axis=1)
+    faces = _Problem.of(views, area_px, graph.pairs[real], seam[real])
+    for number, size in enumerate(GROUPS_PX):
+        group = _grouped(mesh, views, graph, size)
+        groups = faces.grouped(group, _steps(area_px))
+        start, free = groups.cheapest()[0], np.ones(groups.count, bool)
+        if number > 0:
+            start = _majority(group, labels, area_px)
+            free = groups.beside_seams(start)
+        found = groups.expanded(start, free)[group]
+        labels = np.where((views.photo == found[:, None]).any(axis=1), found, views.photo[:, 0])
+    return faces.expanded(labels, faces.beside_seams(labels))
 
 
-def _steps(energy: Floats) -> NDArray[np.int64]:
+def _steps(energy: NDArray[np.floating]) -> Ints:
     return np.round(np.clip(STEPS * energy.astype(np.float64), 0, LARGEST)).astype(np.int64)
 
 
-def _finite(cost: Floats) -> Floats:
-    return np.where(np.isfinite(cost), cost, 0)
+def _runs(sorted_values: NDArray[np.integer]) -> dict[int, slice]:
+    """Where each value is in a sorted array."""
+    values, starts = np.unique(sorted_values, return_index=True)
+    stops = np.append(starts[1:], len(sorted_values))
+    return {int(v): slice(a, b) for v, a, b in zip(values, starts, stops, strict=True)}
 
 
-def _expansion(
-    labels: Labels,
-    photo: int,
-    movable: NDArray[np.bool_],
-    rise: NDArray[np.int64],
-    edges: tuple[NDArray[np.int64], NDArray[np.int64]],
-) -> NDArray[np.intp]:
-    """The movable faces that change to `photo` in the best such move.
+def _grouped(mesh: Mesh, views: FaceViews, graph: DualGraph, size_px: float) -> Ints:
+    """(F,) connected groups of faces in cubes of about `size_px` pixels of the best photo."""
+    typical = float(np.median(views.density[views.seen]))
+    center = (mesh.vertices - mesh.center)[mesh.faces].mean(axis=1)
+    cube = np.floor(center * (typical / size_px)).astype(np.int64)
+    cube -= cube.min(axis=0)
+    sides = cube.max(axis=0) + 2
+    key = (cube[:, 0] * sides[1] + cube[:, 1]) * sides[2] + cube[:, 2]
+    return connected(2 * key + views.seen, graph)
 
-    rise: (F,) by how much the cost of the face grows; edges: pairs of faces and their weights.
-    """
-    faces = np.flatnonzero(movable)
-    number = np.full(len(labels), -1)
-    number[faces] = np.arange(len(faces))
-    pairs, weight = edges
-    i, j = number[pairs].T
-    both = (i >= 0) & (j >= 0)
-    differ = labels[pairs[:, 0]] != labels[pairs[:, 1]]
-    gain = rise[faces].astype(np.float64)
-    # Both free, with A, B, C, D the pair's energy for none, j, i, both moved: A + (C - A) i
-    # + (D - C) j + (B + C - A - D) (1 - i) j; here A = w or 0, B = C = w, D = 0.
-    before = np.where(differ, weight, 0)
-    gain += np.bincount(i[both], (weight - before)[both], len(faces))
-    gain -= np.bincount(j[both], weight[both], len(faces))
-    for one, column in ((i, 1), (j, 0)):
-        alone = (one >= 0) & ~both
-        after = np.where(labels[pairs[:, column]] == photo, 0, weight)
-        gain += np.bincount(one[alone], (after - before)[alone], len(faces))
-    return faces[_cut(gain.astype(np.int64), i[both], j[both], (2 * weight - before)[both])]
+
+def _majority(group: Ints, labels: Labels, area_px: Floats) -> Labels:
+    """(n,) the label with the largest area in each group."""
+    most = int(labels.max()) + 2
+    key, row = np.unique(group * most + labels + 1, return_inverse=True)
+    order = np.argsort(np.bincount(row, area_px, len(key)), kind="stable")
+    out = np.full(int(group.max()) + 1, -1, np.int32)
+    out[key[order] // most] = key[order] % most - 1
+    return out
 
 
 def _cut(

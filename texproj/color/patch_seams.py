@@ -22,6 +22,9 @@ from texproj.color.patch_views import FaceViews
 from texproj.color.points import Floats
 from texproj.mesh import Mesh, face_areas
 
+RESIDUAL = 1e-2
+"""Part of the right-hand side that may be left: far below what an eye sees."""
+
 OWN = 1e-3
 """Least weight of a face's own photo on it, so that no face is left without."""
 
@@ -177,5 +180,5 @@ def _smoothed(
     out = np.zeros((count, 3), np.float32)
     for channel in range(3):
         pull = np.bincount(corners.ravel(), third * np.repeat(way[:, channel], 3), count)
-        out[:, channel] = cg(system, pull, pull / mass, rtol=1e-3, maxiter=200, M=inverse)[0]
+        out[:, channel] = cg(system, pull, pull / mass, rtol=RESIDUAL, maxiter=200, M=inverse)[0]
     return out

@@ -127,7 +127,7 @@ def _gains(spill: Spill, photos: int, options: ColorOptions) -> Gains:
 
 def _labels(mesh: Mesh, views: FaceViews, graph: DualGraph, patch: PatchOptions) -> Labels:
     areas = face_areas(mesh)
-    labels = choose_photos(views, graph, areas, patch.seam_px)
+    labels = choose_photos(mesh, views, graph, patch.seam_px)
     area_px = (areas * views.density**2).astype(np.float32)
     return merge_islands(labels, views, graph, area_px, patch.smallest_px)
 
