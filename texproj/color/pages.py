@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-STRIP = 512
+STRIP = 128
 """Rows of the full-size page that are worked on at once; even."""
 
 
@@ -55,12 +55,15 @@ def _reduced(color: NDArray[Any], weight: NDArray[Any]) -> tuple[NDArray[Any], N
 
 
 def _filled(color: NDArray[Any], weight: NDArray[Any]) -> NDArray[Any]:
-    """Every pixel with weight keeps its color, the others take that of the next coarser level."""
+    """Pixels without weight take, in place, the color of the next coarser level."""
     if (weight > 0).all() or min(weight.shape) < 2:
         return color
     coarse = _filled(*_reduced(color, np.minimum(weight * 4, 1)))
-    smooth = _enlarged(coarse, slice(0, len(color)), color.shape)
-    return np.where(weight[..., None] > 0, color, smooth)
+    for top in range(0, len(color), STRIP):
+        rows = slice(top, min(top + STRIP, len(color)))
+        empty = (weight[rows] == 0)[..., None]
+        np.copyto(color[rows], _enlarged(coarse, rows, color.shape), where=empty)
+    return color
 
 
 def _enlarged(half: NDArray[Any], rows: slice, shape: tuple[int, ...]) -> NDArray[Any]:

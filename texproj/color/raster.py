@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from texproj.color.atlas import Atlas
 from texproj.color.threads import in_parallel
 
-BATCH = 1 << 14
+BATCH = 1 << 12
 """Faces that are turned into spans at once, to bound memory."""
 
 
