@@ -207,6 +207,7 @@ export class App {
     const { surface, frustums } = this.viewport;
     frustums.set(this.facts.photos, surface.center, surface.radius, () => this.viewport.invalidate());
     if (first) this.goHome();
+    if (first) this.viewport.onFirstFrame(() => (document.body.dataset.picture = "true"));
     await this.setLayer(first ? this.bestLayer() : this.look.layer);
     this.followCamera();
     this.applyLook();

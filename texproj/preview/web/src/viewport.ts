@@ -82,12 +82,20 @@ export class Viewport {
 
   /** Whether it moves, or did until a moment ago. */
   get moving(): boolean {
-    return performance.now() - this.movedAt < SETTLE_MS || this.quality !== FINE;
+    return performance.now() - this.movedAt < SETTLE_MS || this.quality !== FINE || this.dirty;
   }
 
   get size(): Vec2 {
     return [this.canvas.clientWidth, this.canvas.clientHeight];
   }
+
+  /** Call `act` once the next frame is drawn. */
+  onFirstFrame(act: () => void): void {
+    this.waiting = act;
+    this.dirty = true;
+  }
+
+  private waiting: (() => void) | null = null;
 
   invalidate(): void {
     this.dirty = true;
@@ -263,6 +271,7 @@ export class Viewport {
   /** The view as it is now, as a PNG in a data: address. */
   picture(): string {
     this.setQuality(FINE);
+    if (!this.flight) this.sides = this.currentSides();
     this.draw(this.sides);
     return this.canvas.toDataURL("image/png");
   }
@@ -380,6 +389,8 @@ export class Viewport {
     this.frames++;
     this.draw(this.sides);
     this.onFrame();
+    this.waiting?.();
+    this.waiting = null;
   }
 
   private quality = PLAIN;
