@@ -18,14 +18,16 @@ from numpy.typing import NDArray
 
 from texproj.camera import Camera
 from texproj.color.atlas import Atlas
+from texproj.color.depths import Depths
 from texproj.color.gains import Gains, no_gains, solve_gains
+from texproj.color.memory import return_freed_memory
 from texproj.color.pages import fill_page
 from texproj.color.patch_charts import patch_atlas
 from texproj.color.patch_labels import Labels, choose_photos, merge_islands
 from texproj.color.patch_seams import PatchBlend, patch_blends
 from texproj.color.patch_views import FacePoints, FaceViews, face_views, survey_options
 from texproj.color.points import Floats
-from texproj.color.project import LoadPhoto, Progress, in_parallel, project_photos
+from texproj.color.project import LoadPhoto, Progress, project_depths
 from texproj.color.result import Texture
 from texproj.color.sample import Samples, sample
 from texproj.color.scratch import Scratch
@@ -33,12 +35,13 @@ from texproj.color.segmentation import DualGraph, dual_graph
 from texproj.color.sight import Sight, sight_of
 from texproj.color.spill import Spill
 from texproj.color.texels import TexelPoints
+from texproj.color.threads import ahead, in_parallel
 from texproj.color.unseen import fill_unseen
-from texproj.color.view import WHITE, PhotoView, photo_view
+from texproj.color.view import WHITE, PhotoView, view_of
 from texproj.mesh import Mesh, face_areas
 from texproj.options import ColorOptions, PatchOptions, UnwrapOptions
 from texproj.photo import srgb_from_linear
-from texproj.render import Renderer, Scene
+from texproj.render import Renderer
 
 ENCODING = srgb_from_linear((np.arange(65536) / 65535) ** 2)
 """sRGB of the 16-bit square root of linear light."""
@@ -67,20 +70,22 @@ def color_patches(
     called twice per photo; progress: called with steps done and steps in all, two per photo.
     """
     settings = settings or PatchSettings()
-    survey = survey_options(settings.color)
+    survey, patch = survey_options(settings.color), settings.patch
     steps = _Steps(len(cameras), progress)
-    with renderer.load(mesh) as scene, closing(Scratch()) as scratch:
+    return_freed_memory()
+    with closing(Scratch()) as scratch:
+        with renderer.load(mesh) as scene:
+            depths = Depths.of(cameras, scene, survey, scratch)
         points = FacePoints.of(mesh)
-        spill = project_photos(points, cameras, load_photo, scene, survey, scratch, steps.first)
+        shots = _Shots(cameras, load_photo, depths, survey)
+        spill = project_depths(points, cameras, load_photo, depths, survey, scratch, steps.first)
         gains = _gains(spill, len(cameras), settings.color)
-        views = face_views(points, cameras, spill, gains, settings.color, settings.patch)
+        views = face_views(points, cameras, spill, gains, settings.color, patch)
         graph = dual_graph(mesh)
-        labels = _labels(mesh, views, graph, settings.patch)
-        patch = settings.patch
+        labels = _labels(mesh, views, graph, patch)
         blends = patch_blends(mesh, labels, views, patch.strip_px, patch.level_px)
         atlas = patch_atlas(mesh, cameras, labels, graph, settings.unwrap)
         texels = TexelPoints.of(mesh, atlas, scratch)
-        shots = _Shots(cameras, load_photo, scene, survey)
         pixels = _cut(texels, mesh, atlas, blends, gains, shots, steps)
         pages, counts = _bake(texels, atlas, pixels, settings.color)
         fill_unseen(mesh, atlas, texels, pages, counts)
@@ -111,14 +116,14 @@ class _Shots:
 
     cameras: Sequence[Camera]
     load_photo: LoadPhoto
-    scene: Scene
+    depths: Depths
     options: ColorOptions
 
     def view(self, number: int) -> PhotoView | None:
         photo = self.load_photo(number)
         if photo is None:
             return None
-        return photo_view(photo, self.cameras[number], self.scene, self.options)
+        return view_of(photo, self.cameras[number], *self.depths.read(number), self.options)
 
 
 def _gains(spill: Spill, photos: int, options: ColorOptions) -> Gains:
@@ -145,8 +150,8 @@ def _cut(
     pixels = Spill(texels.sizes, texels.scratch)
     maps = corner_maps(atlas)
     tiles = _tiles_of_faces(texels, len(mesh.faces))
-    for done, blend in enumerate(blends):
-        view = shots.view(blend.photo)
+    views = ahead(lambda number: shots.view(blends[number].photo), len(blends))
+    for done, (blend, view) in enumerate(zip(blends, views, strict=True)):
         if view is not None:
             sight = sight_of(
                 texels.owners, view.camera, view.depth_camera, len(view.levels), shots.options
@@ -156,6 +161,7 @@ def _cut(
             cutter = _Cutter(texels, view, sight, maps, values, np.sqrt(gains.factor[blend.photo]))
             wanted = [n for n, faces in enumerate(tiles) if blend.faces[faces].any()]
             in_parallel(partial(cutter.cut, blend.photo, pixels), wanted)
+        del view  # before the next one is made
         steps.second(done + 1)
     return pixels
 
