@@ -255,7 +255,7 @@ class MutualInformationOptions:
     """Noise of picks, percent of the photo's longer side, where there are any: it decides how
     much they count beside the mutual information."""
 
-    max_error_percent: Positive = 0.3
+    max_error_percent: Positive = 0.4
     """Refuse a camera whose expected error is larger, percent of the photo's width."""
 
 

@@ -143,6 +143,8 @@ class Comparison:
         here = level.camera
         images = render(here)
         surface = surface_samples(images, here, options.maps, SURFACE_SAMPLES, options.gradients)
+        if len(surface) < LEAST_SAMPLES:
+            return None
         surface = _usable(surface, level)
         if len(surface) < LEAST_SAMPLES:
             return None
@@ -188,6 +190,8 @@ class Comparison:
 
 def _outline_layers(images: GBuffer, level: PhotoLevel, exact: bool) -> list[Layer]:
     outline = outline_samples(images, level.camera, OUTLINE_SAMPLES, exact)
+    if not len(outline):
+        return []
     outline = _usable(outline, level)
     return [_layer(outline, OUTLINE_BINS if exact else 2, edges=exact)] if len(outline) else []
 

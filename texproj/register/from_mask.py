@@ -5,6 +5,7 @@ made exact, by what is inside of it.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 from texproj.camera import Camera, Intrinsics
@@ -28,6 +29,9 @@ from texproj.register.structure_view import Render
 
 CLEAR = 1.08
 """The best view's information over the second's, above which it is the one."""
+PLENTY = 0.6
+"""Share of structure in place from which on it is more exact than shading: painted objects have
+more, uniform ones less."""
 SAME = 0.01
 """Image motion, as a share of the width, below which two views are one."""
 
@@ -90,10 +94,11 @@ def _rival(ranked: list[Outcome], mesh: Mesh) -> float:
 
 
 def _exact(photo: Photo, start: Camera, render: Render, options: ChainOptions) -> Fit:
-    try:
-        fit = register_structure(photo, start, render, options.structure)
-        if fit.accepted:
-            return fit
-    except RegistrationError:  # too smooth for structure: shading decides
-        pass
-    return register_mutual_information(photo, start, render, options.information)
+    """By structure where there is plenty of it, else by mutual information if that is sure."""
+    structure: Fit | None = None
+    with suppress(RegistrationError):  # too smooth: shading decides
+        structure = register_structure(photo, start, render, options.structure)
+    if structure and structure.accepted and structure.quality["support"] >= PLENTY:
+        return structure
+    fit = register_mutual_information(photo, start, render, options.information)
+    return structure if structure and structure.accepted and not fit.accepted else fit

@@ -68,7 +68,7 @@ AGREED = 0.005
 """Distance between their ends, as a share of the width, that still counts as the same."""
 SYSTEMATIC = 0.001
 """What light from one side shifts, as a share of the width (synthetic matte objects)."""
-LEAST_SUPPORT, ENOUGH_PATCHES = 0.15, 100
+LEAST_SUPPORT, ENOUGH_PATCHES = 0.1, 100
 """Share of structure in place below which the result is by chance, if there are so many patches."""
 CURVATURE_RADIUS_PX, LEAST_CURVATURE = 4.0, 0.05
 """Where the peak's shape is measured, and its least curvature relative to the largest: less is
