@@ -10,12 +10,14 @@ from typing import Any
 from texproj.errors import InputError, UsageError, nearest_name
 from texproj.options import (
     ColorOptions,
+    MutualInformationOptions,
     PatchOptions,
     PointsOptions,
     PreviewOptions,
     RefineOptions,
     RegisterOptions,
     RenderOptions,
+    SilhouetteOptions,
     StructureOptions,
     UnwrapOptions,
     options_from,
@@ -26,6 +28,8 @@ SECTIONS: dict[str, type] = {
     "register": RegisterOptions,
     "points": PointsOptions,
     "structure": StructureOptions,
+    "mutual-information": MutualInformationOptions,
+    "silhouette": SilhouetteOptions,
     "refine": RefineOptions,
     "color": ColorOptions,
     "unwrap": UnwrapOptions,

@@ -13,6 +13,8 @@ from texproj.errors import RegistrationError
 from texproj.project import Project
 from texproj.records import CameraRecord, Fit
 from texproj.register.features import register_features
+from texproj.register.from_mask import ChainOptions, register_from_outline
+from texproj.register.mutual_information import register_mutual_information
 from texproj.register.points import register_points
 from texproj.register.structure import register_structure
 from texproj.stages.bench import Workbench
@@ -157,9 +159,33 @@ def _by_features(
     return register_features(info, features, known, prior, options, bench.surface_sample)
 
 
+def _by_information(bench: Workbench, name: str, start: CameraRecord | None, _: Neighbors) -> Fit:
+    if start is None or start.camera is None:
+        raise RegistrationError(NOTHING_TO_START_FROM)
+    photo = bench.project.load_photo(name, REGISTRATION_LONGEST)
+    options = bench.project.settings.options("mutual-information")
+    picks = bench.project.load_correspondences(name)
+    return register_mutual_information(photo, start.camera, bench.render, options, picks)
+
+
+def _by_silhouette(bench: Workbench, name: str, start: CameraRecord | None, _: Neighbors) -> Fit:
+    """The views that have the object's outline, told apart and made exact by what is inside."""
+    settings = bench.project.settings
+    photo = bench.project.load_photo(name, REGISTRATION_LONGEST)
+    options = ChainOptions(
+        settings.options("silhouette"),
+        settings.options("mutual-information"),
+        replace(settings.options("structure"), wider=False),
+    )
+    prior = (start.camera or start.intrinsics) if start is not None else None
+    return register_from_outline(photo, prior, bench.render, bench.mesh, options)
+
+
 METHODS: dict[str, Callable[[Workbench, str, CameraRecord | None, Neighbors], Fit]] = {
     "points": _by_points,
     "structure": _by_structure,
     "features": _by_features,
+    "mutual-information": _by_information,
+    "silhouette": _by_silhouette,
 }
 """What `--method NAME` does, from what is known beforehand."""

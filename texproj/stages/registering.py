@@ -28,7 +28,7 @@ from texproj.stages.progress import Progress, silent
 
 STAGE = "register"
 VERSION = 1
-SECTIONS = ("register", "points", "structure", "render")
+SECTIONS = ("register", "points", "structure", "mutual-information", "silhouette", "render")
 UNUSABLE = "unusable_input"
 """Key of an entry's quality: a file of the photo cannot be read, so nothing else is tried."""
 OTHERS = "other registered photos"
