@@ -40,6 +40,7 @@ class Surface:
         self.light_faces = light_faces
         self.key = project.hash_of(project.mesh_path) or "none"
         self._lock = threading.RLock()
+        self._light_lock = threading.Lock()  # simplifying takes long; rays need not wait for it
 
     @cached_property
     def source(self) -> MeshSource:
@@ -61,7 +62,7 @@ class Surface:
     @cached_property
     def light(self) -> LightMesh | None:
         """The simplified mesh, kept in work/ between runs; None for a mesh small enough."""
-        with self._lock:
+        with self._light_lock:
             known = self._saved_light()
             if known is not None:
                 return known

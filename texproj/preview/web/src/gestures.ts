@@ -4,7 +4,7 @@ import type { App } from "./app.ts";
 import { byId, typing } from "./dom.ts";
 import { showHelp } from "./help.ts";
 import type { Vec2 } from "./lens.ts";
-import { clamp } from "./viewport.ts";
+import { clamp } from "./view.ts";
 
 const CLICK_PX = 4;
 const ZOOM_PER_NOTCH = 1.0015;

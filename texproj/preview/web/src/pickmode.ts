@@ -11,6 +11,7 @@ import { PhotoPane } from "./photopane.ts";
 import { PickHands } from "./pickhands.ts";
 import { pickPanel } from "./pickpanel.ts";
 import type { Pick, Picks } from "./picks.ts";
+import { pixelOfWindow, windowAt } from "./view.ts";
 import { freeName, fromSaved, History, isPair, merged, pairs, put, same, without } from "./picks.ts";
 
 export type Side = "photo" | "model";
@@ -384,15 +385,14 @@ export class PickMode {
 
   private linkModel(): void {
     if (!this.active || !this.linked || !this.app.viewport.photoCamera) return;
-    const window = this.app.viewport.windowAt(this.pane.middle, this.pane.scale);
+    const window = windowAt(this.app.viewport.photoCamera, this.pane.middle, this.pane.scale);
     if (window) this.app.viewport.setWindow(window);
   }
 
   private linkPhoto(): void {
     const { viewport } = this.app;
     if (!this.active || !this.linked || !viewport.photoCamera) return;
-    const [w, h] = viewport.size;
-    const middle = viewport.photoPixelAt([w / 2, h / 2]);
+    const middle = pixelOfWindow(viewport.photoCamera, viewport.window);
     if (middle) this.pane.follow(middle, viewport.window.scale / viewport.photoCamera.f[0]);
   }
 }

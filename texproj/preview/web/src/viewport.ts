@@ -4,9 +4,11 @@ import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { Frustums } from "./frustums.ts";
 import type { Camera, Sides, Vec2, Vec3 } from "./lens.ts";
-import { center as centerOf, distort, ideal, sidesOfPhoto } from "./lens.ts";
+import { sidesOfPhoto } from "./lens.ts";
 import { PhotoOverlay } from "./overlay.ts";
 import { Surface } from "./surface.ts";
+import type { Pose, Window } from "./view.ts";
+import { clamp, mixSides, pointOf, poseOfCamera, sidesOfAngle, sidesOfWindow, tangentsAt } from "./view.ts";
 
 const FIELD_OF_VIEW_DEG = 36;
 const FLIGHT_MS = 650;
@@ -25,19 +27,6 @@ const STEP_BACK = 0.6;
 /** How far the first view is moved up and aside, so that the cameras do not hide the model. */
 const RAISE_RAD = 0.16;
 const ASIDE_RAD = 0.5;
-
-interface Pose {
-  position: THREE.Vector3;
-  quaternion: THREE.Quaternion;
-  sides: Sides;
-}
-
-/** Part of a photo's ideal plane on screen: middle (tangents, y up) and pixels per tangent. */
-export interface Window {
-  x: number;
-  y: number;
-  scale: number;
-}
 
 export class Viewport {
   readonly surface = new Surface();
@@ -220,12 +209,7 @@ export class Viewport {
     const p = new THREE.Vector3(...world).sub(this.surface.center);
     p.applyMatrix4(this.camera.matrixWorldInverse);
     if (p.z >= 0) return null;
-    const [w, h] = this.size;
-    const { left, right, bottom, top } = this.sides;
-    return [
-      ((-p.x / p.z - left) / (right - left)) * w,
-      (1 - (-p.y / p.z - bottom) / (top - bottom)) * h,
-    ];
+    return pointOf([-p.x / p.z, -p.y / p.z], this.sides, this.size);
   }
 
   /** The ray through a point of the canvas: origin and unit direction, world. */
@@ -277,10 +261,7 @@ export class Viewport {
   }
 
   private raycaster(at: Vec2): THREE.Raycaster {
-    const [w, h] = this.size;
-    const { left, right, bottom, top } = this.sides;
-    const x = left + (at[0] / w) * (right - left);
-    const y = top - (at[1] / h) * (top - bottom);
+    const [x, y] = tangentsAt(at, this.sides, this.size);
     const direction = new THREE.Vector3(x, y, -1).normalize().applyQuaternion(this.camera.quaternion);
     const caster = new THREE.Raycaster(this.camera.position.clone(), direction);
     caster.camera = this.camera;
@@ -325,13 +306,8 @@ export class Viewport {
   }
 
   private currentSides(): Sides {
-    const [w, h] = this.size;
-    if (this.photoCamera) {
-      const { x, y, scale } = this.window;
-      return { left: x - w / 2 / scale, right: x + w / 2 / scale, bottom: y - h / 2 / scale, top: y + h / 2 / scale };
-    }
-    const top = Math.tan((FIELD_OF_VIEW_DEG * Math.PI) / 360) / Math.min(1, this.aspect);
-    return { left: -top * this.aspect, right: top * this.aspect, bottom: -top, top };
+    if (this.photoCamera) return sidesOfWindow(this.window, this.size);
+    return sidesOfAngle(FIELD_OF_VIEW_DEG, this.aspect);
   }
 
   private pose(): Pose {
@@ -343,13 +319,7 @@ export class Viewport {
   }
 
   private photoPose(camera: Camera): Pose {
-    const [x, y, z] = camera.R.map((row) => new THREE.Vector3(...row));
-    const basis = new THREE.Matrix4().makeBasis(x, y.negate(), z.negate());
-    return {
-      position: new THREE.Vector3(...centerOf(camera)).sub(this.surface.center),
-      quaternion: new THREE.Quaternion().setFromRotationMatrix(basis),
-      sides: this.currentSides(),
-    };
+    return poseOfCamera(camera, this.surface.center, this.currentSides());
   }
 
   private fly(from: Pose, to: Pose, done: () => void, ms = FLIGHT_MS): void {
@@ -424,33 +394,4 @@ export class Viewport {
     this.overlay.setSides(sides);
     this.renderer.render(this.scene, this.camera);
   }
-
-  /** Photo pixel at a point of the canvas, in the view of a photo. */
-  photoPixelAt(at: Vec2): Vec2 | null {
-    const camera = this.photoCamera;
-    if (!camera) return null;
-    const [w, h] = this.size;
-    const { x, y, scale } = this.window;
-    const xy = distort(camera, x + (at[0] - w / 2) / scale, -(y + (h / 2 - at[1]) / scale));
-    return xy && [xy[0] * camera.f[0] + camera.c[0], xy[1] * camera.f[1] + camera.c[1]];
-  }
-
-  /** The window that shows photo pixel `uv` in the middle at `scale` screen pixels per photo pixel. */
-  windowAt(uv: Vec2, scale: number): Window | null {
-    const camera = this.photoCamera;
-    const xy = camera && ideal(camera, ...uv);
-    return xy && { x: xy[0], y: -xy[1], scale: scale * camera.f[0] };
-  }
-}
-
-function mixSides(a: Sides, b: Sides, t: number): Sides {
-  const mix = (p: number, q: number) => p + (q - p) * t;
-  return {
-    left: mix(a.left, b.left), right: mix(a.right, b.right),
-    bottom: mix(a.bottom, b.bottom), top: mix(a.top, b.top),
-  };
-}
-
-export function clamp(value: number, low: number, high: number): number {
-  return Math.min(Math.max(value, low), high);
 }
