@@ -144,7 +144,8 @@ def test_no_texel_has_two_faces():
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     front = ((view.center - corners[:, 0]) * normals).sum(axis=1) > 0
     labels = np.where(front, 0, -1).astype(np.int32)
-    atlas = patch_atlas(mesh, [view], labels, dual_graph(mesh), UnwrapOptions())
+    density = np.full(len(labels), 60.0, np.float32)
+    atlas = patch_atlas(mesh, [view], labels, density, UnwrapOptions())
     assert atlas.stats.overlap_splits > 0
     corners = atlas.uv_px[atlas.faces]
     (a, b), (c, d) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
@@ -161,6 +162,16 @@ def test_unseen_surface_is_reported_and_never_black(renderer):
     assert not count[xyz[:, 2] < -1].any()
     assert texture.quality["seen"] == pytest.approx(4 / 4.16, abs=0.02)
     assert min(page.min() for page in texture.pages) > 60
+
+
+def test_faces_too_large_for_any_photo_are_put_together(renderer):
+    """A square of two faces, each photo shows parts of them: together they color nearly all."""
+    mesh = plane(1)
+    cameras = [camera((x, y, 1.0), (x, y, 0)) for x in (-0.5, 0.5) for y in (-0.6, 0.0, 0.6)]
+    texture = patched(mesh, [picture(c) for c in cameras], cameras, renderer)
+    count = texels(mesh, texture)[1]
+    assert (count > 0).mean() > 0.95
+    assert error(mesh, texture).max() < 0.02
 
 
 def test_a_photo_that_cannot_be_read_is_left_out(renderer):
@@ -191,6 +202,7 @@ def strip(costs):
         np.take_along_axis(costs, order, axis=1).astype(np.float32),
         np.zeros((n, p, 3), np.float32),
         np.ones(n, np.float32),
+        np.full((n, p), -1, np.int32),
     )
 
 
@@ -223,7 +235,7 @@ def test_only_photos_that_show_a_face_are_chosen():
     hidden = np.sort(hidden, axis=1)
     views = FaceViews(
         np.where(hidden, -1, views.photo), np.where(hidden, np.inf, views.cost),
-        views.to_consensus, np.full(len(mesh.faces), 60.0, np.float32),
+        views.to_consensus, np.full(len(mesh.faces), 60.0, np.float32), views.glimpse,
     )  # fmt: skip
     graph = dual_graph(mesh)
     labels = choose_photos(mesh, views, graph, 3.0)

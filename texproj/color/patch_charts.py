@@ -16,7 +16,7 @@ from texproj.color.flatten import flatten
 from texproj.color.layers import doubled
 from texproj.color.packing import Placement, pack
 from texproj.color.patch_labels import Labels
-from texproj.color.segmentation import DualGraph, Ints, connected
+from texproj.color.segmentation import DualGraph, Ints, connected, dual_graph
 from texproj.mesh import Mesh, face_areas
 from texproj.options import UnwrapOptions
 
@@ -40,26 +40,23 @@ def patch_atlas(
     mesh: Mesh,
     cameras: Sequence[Camera],
     labels: Labels,
-    graph: DualGraph,
+    density: NDArray[np.float32],
     options: UnwrapOptions,
 ) -> Atlas:
     """Every patch as its photo shows it, one texel per pixel and on the pixels' grid unless the
     pages are too small (then all shrink alike); faces without a photo as flat charts.
 
-    labels: (F,) photo of each face, -1 = none.
+    labels: (F,) photo of each face, -1 = none; density: (F,) texels per mesh unit on the flat
+    charts, 0 = unseen: a quarter of the median of the others.
     """
     room = options.page_size - 2 * options.padding_px
     seen, unseen = np.flatnonzero(labels >= 0), np.flatnonzero(labels < 0)
     parts: list[Charts] = []
     overlaps = 0
     if len(seen):
-        parts, overlaps = _patches(mesh, cameras, labels, graph, room)
+        parts, overlaps = _patches(mesh, cameras, labels, dual_graph(mesh), room)
     if len(unseen):
-        density = _density(mesh, parts)
-        rest = Mesh(mesh.vertices, mesh.faces[unseen])
-        flat, _ = flatten(rest, np.full(len(unseen), UNSEEN * density), options)
-        flat = flat.with_uv(flat.uv * (UNSEEN * density))
-        parts.append(replace(upright(flat), face_of_mesh=unseen))
+        parts.append(_flat(mesh, unseen, density, options))
     charts, scale, placed = _fit(join(parts), options, room)
     return _atlas(mesh, charts, placed, scale, (options.padding_px, overlaps))
 
@@ -137,13 +134,18 @@ def _projected(
     return Charts(uv, rows.reshape(-1, 3), vertex, chart, charts, faces, count)
 
 
-def _density(mesh: Mesh, parts: list[Charts]) -> float:
-    """Texels per mesh unit of the patches; a guess where there are none."""
-    if not parts:
-        return 256 / max(mesh.diagonal, 1e-300)
-    texels = sum(float(flat_areas(p.uv, p.faces).sum()) for p in parts)
-    faces = np.concatenate([p.face_of_mesh for p in parts])
-    return float(np.sqrt(texels / face_areas(mesh)[faces].sum()))
+def _flat(mesh: Mesh, faces: Ints, density: NDArray[np.float32], options: UnwrapOptions) -> Charts:
+    """Flat charts of some faces, texels."""
+    known = density[density > 0]
+    typical = float(np.median(known)) if len(known) else 256 / max(mesh.diagonal, 1e-300)
+    wanted = np.where(density > 0, density, UNSEEN * typical)[faces].astype(np.float64)
+    rest = Mesh(mesh.vertices, mesh.faces[faces])
+    flat, _ = flatten(rest, wanted, options)
+    texels = np.bincount(flat.chart_of_face, face_areas(rest) * wanted**2, flat.count)
+    area = np.bincount(flat.chart_of_face, flat_areas(flat.uv, flat.faces), flat.count)
+    scale = np.sqrt(texels / np.maximum(area, 1e-300))
+    flat = flat.with_uv(flat.uv * scale[flat.chart_of_uv, None])
+    return replace(upright(flat), face_of_mesh=faces)
 
 
 def _fit(charts: Charts, options: UnwrapOptions, room: int) -> tuple[Charts, float, Placement]:

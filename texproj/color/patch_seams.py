@@ -28,6 +28,9 @@ RESIDUAL = 1e-2
 OWN = 1e-3
 """Least weight of a face's own photo on it, so that no face is left without."""
 
+FADING = 0.1
+"""Weight of each photo against the one before, where a face is put together from several."""
+
 COTANGENT = 0.29
 """Half the cotangent of 60 degrees: the smoothness of a map along one edge of a regular face."""
 
@@ -40,13 +43,23 @@ class PatchBlend:
 
     photo: its number; faces: (F,) bool, those that it colors at least in part; weight: (V,)
     float32 its part of the color at each vertex, linear in between; offset: (V, 3) float32 what is
-    added to the square root of its linear light after the gain, linear in between.
+    added to the square root of its linear light after the gain, linear in between; glimpsed: (F,)
+    float32 its weight on faces that no photo shows as a whole, without an offset, 0 on others.
     """
 
     photo: int
     faces: Bools
     weight: Floats
     offset: Floats
+    glimpsed: Floats
+
+    def at_corners(self, faces: NDArray[np.int32]) -> Floats:
+        """(F, 3, 4) weight and offset at the corners of the mesh's faces."""
+        out = np.column_stack([self.weight, self.offset])[faces]
+        rows = np.flatnonzero(self.glimpsed)
+        out[rows] = 0
+        out[rows, :, 0] = self.glimpsed[rows, None]
+        return out
 
 
 def patch_blends(
@@ -59,17 +72,20 @@ def patch_blends(
     """
     parts = list(_shares(mesh, labels, views, strip_px))
     offsets = _offsets(mesh, views, parts, level_px)
-    return [
-        PatchBlend(photo, faces, weight, offset)
-        for (photo, faces, weight), offset in zip(parts, offsets, strict=True)
-    ]
+    blends = []
+    for (photo, faces, weight), offset in zip(parts, offsets, strict=True):
+        rank = np.where(views.glimpse == photo, np.arange(views.glimpse.shape[1]), np.inf)
+        glimpsed = (FADING ** rank.min(axis=1)).astype(np.float32)
+        blends.append(PatchBlend(photo, faces | (glimpsed > 0), weight, offset, glimpsed))
+    return blends
 
 
 def _shares(
     mesh: Mesh, labels: Labels, views: FaceViews, strip_px: float
 ) -> Iterator[tuple[int, Bools, Floats]]:
     """Photo, faces, and vertex weights for each photo in use."""
-    photos = [int(p) for p in np.unique(labels[labels >= 0])]
+    used = np.union1d(labels[labels >= 0], views.glimpse[views.glimpse >= 0])
+    photos = [int(p) for p in used]
     near = _NearSeams(mesh, labels, views, strip_px)
     total = np.zeros(len(mesh.vertices), np.float32)
     columns = []

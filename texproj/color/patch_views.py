@@ -71,13 +71,15 @@ class FaceViews:
     photo: (F, k) int32, -1 = none; cost: (F, k) float32, 0 = perfect, inf where none;
     to_consensus: (F, k, 3) float32 square root of linear light after gains, what all photos agree
     on minus this photo, 0 where none; density: (F,) float32 pixels per mesh unit of the best
-    photo, 0 = unseen.
+    photo, 0 = unseen; glimpse: (F, k) int32 photos that show a part of a face that none shows as a
+    whole, best first, -1 = none.
     """
 
     photo: NDArray[np.int32]
     cost: Floats
     to_consensus: Floats
     density: Floats
+    glimpse: NDArray[np.int32]
 
     @property
     def seen(self) -> NDArray[np.bool_]:
@@ -109,6 +111,7 @@ def face_views(
         np.full((count, k), np.inf, np.float32),
         np.zeros((count, k, 3), np.float32),
         np.zeros(count, np.float32),
+        np.full((count, k), -1, np.int32),
     )
     for number in range(len(spill.sizes)):
         stack = spill.read(number)
@@ -117,8 +120,9 @@ def face_views(
             quality, pixels = _quality(points, rows, [cameras[p] for p in stack.photos])
             cost, offset = _judged(stack, quality, gains, options, patch)
             _keep_best(out, rows, stack, cost, offset)
-            seen = np.isfinite(cost)
-            out.density[rows] = np.where(seen, pixels, 0).max(axis=0)
+            shown = (stack.weight > 0).reshape(len(cost), SAMPLES, -1).mean(axis=1)
+            _keep_glimpses(out, rows, stack, shown * quality)
+            out.density[rows] = np.where(shown > 0, pixels, 0).max(axis=0)
     return out
 
 
@@ -197,3 +201,11 @@ def _keep_best(out: FaceViews, rows: slice, stack: Stack, cost: Floats, offset: 
     out.cost[rows, :kept] = chosen.T
     way = np.take_along_axis(offset, order[:, None], axis=0)
     out.to_consensus[rows, :kept] = np.where(usable[:, None], way, 0).transpose(2, 0, 1)
+
+
+def _keep_glimpses(out: FaceViews, rows: slice, stack: Stack, shown: Floats) -> None:
+    """Write the photos with most of each face, where none has the whole, into its rows."""
+    order = np.argsort(-shown, axis=0, kind="stable")[: out.glimpse.shape[1]]
+    some = np.take_along_axis(shown, order, axis=0) > 0
+    some &= out.photo[rows, 0] < 0
+    out.glimpse[rows, : len(order)] = np.where(some, stack.photos[order], -1).T

@@ -84,7 +84,7 @@ def color_patches(
         graph = dual_graph(mesh)
         labels = _labels(mesh, views, graph, patch)
         blends = patch_blends(mesh, labels, views, patch.strip_px, patch.level_px)
-        atlas = patch_atlas(mesh, cameras, labels, graph, settings.unwrap)
+        atlas = patch_atlas(mesh, cameras, labels, views.density, settings.unwrap)
         texels = TexelPoints.of(mesh, atlas, scratch)
         pixels = _cut(texels, mesh, atlas, blends, gains, shots, steps)
         pages, counts = _bake(texels, atlas, pixels, settings.color)
@@ -157,7 +157,7 @@ def _cut(
                 texels.owners, view.camera, view.depth_camera, len(view.levels), shots.options
             )
             sight = replace(sight, weight=sight.weight * blend.faces)
-            values = np.column_stack([blend.weight, blend.offset])[mesh.faces]
+            values = blend.at_corners(mesh.faces)
             cutter = _Cutter(texels, view, sight, maps, values, np.sqrt(gains.factor[blend.photo]))
             wanted = [n for n, faces in enumerate(tiles) if blend.faces[faces].any()]
             in_parallel(partial(cutter.cut, blend.photo, pixels), wanted)
