@@ -112,20 +112,20 @@ class UnwrapOptions:
 class PatchOptions:
     """How the surface is divided among the photos for `--to patches`."""
 
-    seam_px: Annotated[float, Field(ge=0, le=1000)] = 20.0
+    seam_px: Annotated[float, Field(ge=0, le=1000)] = 8.0
     """What a seam costs: as much as a strip of so many pixels in a photo that is plainly wrong."""
 
-    resolution: Annotated[float, Field(ge=0, le=10)] = 0.05
+    resolution: Annotated[float, Field(ge=0, le=10)] = 0.02
     """What it costs to halve the number of pixels on the surface; 1 = as much as a wrong photo."""
 
     margin: Annotated[float, Field(ge=0, le=10)] = 0.3
     """What it costs to use the very border of a photo, or the edge of something in front."""
 
-    consensus_scale: Positive = 0.06
+    consensus_scale: Positive = 0.03
     """Difference from what all photos agree on (square root of linear light, 1 = white) that costs
     half as much as a wrong photo."""
 
-    outlier: Positive = 3.0
+    outlier: Positive = 6.0
     """Beyond so many times that difference a photo is not used, if at least three others agree."""
 
     candidates: Annotated[int, Field(ge=1, le=64)] = 10
@@ -134,10 +134,10 @@ class PatchOptions:
     smallest_px: Annotated[float, Field(ge=0)] = 200.0
     """Patches of fewer pixels join their neighbors where those may show them."""
 
-    strip_px: Annotated[float, Field(gt=0, le=1000)] = 10.0
+    strip_px: Annotated[float, Field(gt=0, le=1000)] = 6.0
     """Width on either side of a seam in which the two photos fade into each other."""
 
-    level_px: Annotated[float, Field(ge=0, le=10000)] = 40.0
+    level_px: Annotated[float, Field(ge=0, le=10000)] = 20.0
     """Distance over which colors are brought to what all photos agree on; 0 = not at all."""
 
 
