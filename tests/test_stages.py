@@ -1,0 +1,125 @@
+"""The stages from end to end on synthetic projects whose truth is known."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+from texproj.demo import write_demo
+from texproj.formats.cameras import read_cameras
+from texproj.options import ColorOptions, DemoOptions, RefineOptions
+from texproj.project import Project
+from texproj.stages.bench import Workbench
+from texproj.stages.running import run_project
+
+SMALL = DemoOptions(photos=6, long_side=720, faces=8000, carved_faces=80_000)
+
+
+def with_options(project: Project, **sections) -> Project:
+    settings = project.settings
+    for name, options in sections.items():
+        settings = settings.with_options(name, options)
+    return project.with_settings(settings)
+
+
+def colors_of(path) -> np.ndarray:
+    return np.asarray(trimesh.load(path, process=False).visual.vertex_colors, float)[:, :3]
+
+
+def errors_percent(project: Project) -> dict[str, float]:
+    """Mean distance of the mesh's vertices from their true place, percent of the width."""
+    truth = {
+        r.file: r.camera for r in read_cameras(project.root / "truth" / "cameras.json").records
+    }
+    found = {n: r.registered_camera for n, r in project.load_cameras().items()}
+    xyz = project.load_mesh().mesh.vertices
+    out = {}
+    for name, camera in found.items():
+        if camera is not None:
+            true = truth[name]
+            xy = true.project(xyz)[0]
+            seen = true.inside(xy)
+            apart = np.linalg.norm(camera.project(xyz)[0] - xy, axis=1)[seen]
+            out[name] = 100 * float(np.nanmean(apart)) / true.width
+    return out
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """The demo as everybody runs it: picks in half of the photos, rough cameras for the others."""
+    folder = tmp_path_factory.mktemp("stages") / "stele"
+    write_demo(folder)
+    project = Project.open(folder)
+    with Workbench(project) as bench:
+        outcome = run_project(bench)
+    return project, outcome
+
+
+def test_every_photo_that_is_called_registered_is_right(finished):
+    """Whatever method found it: within 0.3 percent of the width; most of them far better."""
+    project, outcome = finished
+    errors = errors_percent(project)
+
+    assert len(errors) >= 7
+    assert max(errors.values()) < 0.3
+    assert np.median(list(errors.values())) < 0.1
+    assert all(name in outcome.failed for name in project.photo_names if name not in errors)
+
+
+def test_the_report_names_every_photo_and_what_was_made(finished):
+    """Numbers for machines, one page for people, no reference to other files."""
+    project, outcome = finished
+    facts = json.loads((project.out / "report.json").read_text())
+    page = (project.out / "report.html").read_text()
+
+    assert [p["file"] for p in facts["photos"]] == project.photo_names
+    assert set(facts["color"]["files"]) == set(outcome.color.files)
+    assert all(name in page for name in project.photo_names)
+    assert 'src="data:image/jpeg' in page and "http" not in page.split("<style>")[0]
+
+
+def test_the_texture_shows_the_paint(finished):
+    """Colors of the model against the true shaded colors: right where photos see the surface."""
+    project, outcome = finished
+    truth = colors_of(project.root / "truth" / "shaded.ply")
+    vertices = with_options(project, color=ColorOptions(to="vertices"))
+    from texproj.stages.coloring import color_project
+
+    with Workbench(vertices) as bench:
+        color_project(bench)
+    made = colors_of(project.out / "model.ply")
+    gain = (made * truth).sum(axis=0) / (truth**2).sum(axis=0)  # exposure is up to the photos
+    close = np.abs(made - gain * truth).mean(axis=1)
+
+    assert outcome.color.quality["seen"] > 0.85
+    assert np.median(close) < 14
+    assert gain.min() > 0.6 and gain.max() < 1.6
+    assert np.corrcoef(made[:, 2], truth[:, 2])[0, 1] > 0.9
+
+
+def test_survey_coordinates_change_nothing(tmp_path):
+    """The same piece half a million metres away: same colors, cameras moved along."""
+    made = {}
+    for name, origin in (("here", (0.0, 0.0, 0.0)), ("there", (512_000.0, 4_100_000.0, 250.0))):
+        write_demo(tmp_path / name, replace(SMALL, photos=4, origin=origin))
+        project = with_options(
+            Project.open(tmp_path / name),
+            color=ColorOptions(to="vertices"), refine=RefineOptions(enabled=False),
+        )  # fmt: skip
+        for path in project.photo_paths.values():
+            if not project.correspondences_path(path.name).is_file():
+                path.unlink()
+        project = with_options(
+            Project.open(tmp_path / name),
+            color=ColorOptions(to="vertices"), refine=RefineOptions(enabled=False),
+        )  # fmt: skip
+        with Workbench(project) as bench:
+            outcome = run_project(bench)
+        assert not outcome.failed
+        made[name] = colors_of(project.out / "model.ply"), errors_percent(project)
+    apart = np.abs(made["here"][0] - made["there"][0]).max(axis=1)
+
+    assert np.quantile(apart, 0.99) <= 4
+    assert made["there"][1] == pytest.approx(made["here"][1], abs=0.05)
