@@ -76,7 +76,9 @@ class Project:
         if self.settings.mesh is not None:
             path = self.root / self.settings.mesh
             if not path.is_file():
-                raise InputError(f"no mesh at {path}; correct `mesh` in {self.root / SETTINGS_FILE}")
+                raise InputError(
+                    f"no mesh at {path}; correct `mesh` in {self.root / SETTINGS_FILE}"
+                )
             return path
         folder = self.root / "mesh"
         found = _files(folder, MESH_SUFFIXES)
