@@ -14,13 +14,8 @@ from texproj.mesh import Mesh
 from texproj.options import MutualInformationOptions, SilhouetteOptions, StructureOptions
 from texproj.photo import Photo
 from texproj.records import Fit
-from texproj.register.mutual_information import (
-    MIDDLE,
-    Outcome,
-    Task,
-    ascend,
-    register_mutual_information,
-)
+from texproj.register.information_search import MIDDLE, Outcome, Task, ascend
+from texproj.register.mutual_information import register_mutual_information
 from texproj.register.segmentation import Mask
 from texproj.register.silhouette import Hypothesis, hypotheses
 from texproj.register.structure import register_structure
