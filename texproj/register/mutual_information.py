@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,6 +33,7 @@ from texproj.register.information_search import (
     objective,
     settled,
 )
+from texproj.register.mirror import mirrored_camera
 from texproj.register.structure_start import motion_px
 from texproj.register.structure_view import Render
 from texproj.register.verdict import Verdict, verify
@@ -50,6 +52,9 @@ SYSTEMATIC = 0.001
 """What light from one side shifts, as a share of the width (synthetic matte objects)."""
 LEAST_SUPPORT, ENOUGH_PATCHES = 0.1, 100
 """Share of structure in place below which the result is by chance, if there are so many patches."""
+MIRROR_MARGIN = 1.06
+"""How much more the mesh must tell about the photo than about its mirror image: 1.12 and more
+for right photos of nearly symmetric pieces, 1.03 for a mirrored one (synthetic)."""
 CURVATURE_RADIUS_PX, LEAST_CURVATURE = 4.0, 0.05
 """Where the peak's shape is measured, and its least curvature relative to the largest: less is
 the roughness of the measure, not a direction in which nothing is known."""
@@ -80,7 +85,8 @@ def register_mutual_information(
         found = replace(found, camera=_mean([found.camera, *ends]))
         shown = _required(task, found.camera)
     verdict = verify(photo, found.camera, render)
-    proof = Evidence(before.information(before.camera), found, apart, verdict)
+    mirrored = _mirrored_bits(task, found.camera)
+    proof = Evidence(before.information(before.camera), found, apart, verdict, mirrored)
     return _fit(task, shown, proof)
 
 
@@ -102,6 +108,27 @@ def _restarted(task: Task, shown: Comparison, camera: Camera, seed: int) -> Came
     return ascend(task, moved(camera, steps, aside), (*MIDDLE, FINE)).camera
 
 
+def _mirrored_bits(task: Task, camera: Camera) -> float:
+    """Information about the mirrored photo, from the mirror image of `camera` uphill."""
+    here = camera.scaled(0.25)
+    images = task.render(here)
+    assert images.depth is not None and images.normal_in_cam is not None
+    solid = np.isfinite(images.depth)
+    y, x = np.nonzero(solid)
+    xyz = here.unproject(np.stack([x, y], axis=1) + 0.5, images.depth[solid])
+    middle = np.median(camera.pose.apply(xyz), axis=0)
+    facing = images.normal_in_cam[solid].mean(axis=0).astype(np.float64)
+    photo = task.photo
+    flipped = replace(
+        photo,
+        pixels=cv2.flip(photo.pixels, 1),
+        mask=None if photo.mask is None else cv2.flip(photo.mask, 1),
+    )
+    start = mirrored_camera(camera, middle, facing)
+    turned = replace(task, photo=flipped, picks=None)
+    return ascend(turned, start, (*COARSE, *MIDDLE, FINE)).information
+
+
 def _mean(cameras: list[Camera]) -> Camera:
     """Of cameras that hardly differ."""
     U, _, Vt = np.linalg.svd(np.mean([c.pose.R for c in cameras], axis=0))
@@ -114,13 +141,15 @@ def _mean(cameras: list[Camera]) -> Camera:
 @dataclass(frozen=True, eq=False)
 class Evidence:
     """What speaks for a camera. before_bits: information at the start; apart: where restarts
-    ended, shares of the width; verdict: of structure matching.
+    ended, shares of the width; verdict: of structure matching; mirrored_bits: what the mesh
+    tells about the photo with left and right exchanged.
     """
 
     before_bits: float
     found: Outcome
     apart: tuple[float, ...]
     verdict: Verdict
+    mirrored_bits: float
 
 
 def _refusal(proof: Evidence, error_percent: float, options: MutualInformationOptions) -> str:
@@ -132,6 +161,11 @@ def _refusal(proof: Evidence, error_percent: float, options: MutualInformationOp
         return (
             f"only {proof.verdict.support:.0%} of the mesh's structure is where this camera puts "
             f"it, so its shading matches by chance {again}"
+        )
+    if MIRROR_MARGIN * proof.mirrored_bits > proof.found.information:
+        return (
+            "the photo fits as well with left and right exchanged (is it a mirrored scan? "
+            "else pick 4 points)"
         )
     if error_percent > options.max_error_percent:
         return f"the expected error is {error_percent:.1f} % of the width {again}"
@@ -165,6 +199,7 @@ def _quality(proof: Evidence) -> dict[str, Any]:
         "information_before_bits": round(proof.before_bits, 4),
         "information_bits": round(proof.found.information, 4),
         "evaluations": proof.found.evaluations,
+        "information_mirrored_bits": round(proof.mirrored_bits, 4),
         "restarts_apart_percent": [round(100 * apart, 3) for apart in proof.apart],
         "support": round(proof.verdict.support, 3),
         "agreement": round(proof.verdict.agreement, 3),
