@@ -124,8 +124,8 @@ def renderer(mesh: Mesh) -> Render:
     return lambda camera: scene.gbuffer(camera, ("depth", "normal", "ao", "front"))
 
 
-def photo(path: Path) -> Photo:
-    return read_photo(path, read_photo_info(path), longest=768)
+def photo(path: Path, longest: int = 768) -> Photo:
+    return read_photo(path, read_photo_info(path), longest=longest)
 
 
 def right_runs(scene: RealScene, kind: str, seeds: list[int], register: Register) -> Iterator[Run]:

@@ -64,14 +64,17 @@ def find_by_others(
     neighbors: Neighbors,
     earlier: str = "",
 ) -> Fit:
-    """The camera of photo `name` by what other photos show of the same surface; then by structure
-    from where they were taken. earlier: why its own means did not find it. Raises
-    RegistrationError.
+    """The camera of photo `name` by what other photos show of the same surface, by its outline if
+    it has a mask, or by structure from where other photos were taken.
+
+    earlier: why its own means did not find it. Raises RegistrationError.
     """
     others = [_in_place_of(bench.project, name, start, neighbors[n]) for n in neighbors]
     if has_means(bench.project, name, start):
         others = []
     attempts = [partial(_by_features, bench, name, start, neighbors)]
+    if bench.project.mask_path(name) is not None:
+        attempts.append(partial(_by_silhouette, bench, name, start, neighbors))
     attempts += [partial(_from_camera, bench, name, camera) for camera in others[:NEAREST]]
     fit = _first(attempts, [earlier] if earlier else [])
     return replace(fit, reason="; ".join(filter(None, [fit.reason, earlier]))) if earlier else fit
@@ -150,7 +153,7 @@ def _by_features(
     bench: Workbench, name: str, start: CameraRecord | None, neighbors: Neighbors
 ) -> Fit:
     if not neighbors:
-        raise RegistrationError("no other photo is registered; register one by picked points first")
+        raise RegistrationError(NOTHING_TO_START_FROM)
     known = [bench.known(n, neighbors[n]) for n in list(neighbors)[:MOST_COMPARED]]
     info = bench.project.photo_info(name)
     features = bench.features(name)
