@@ -203,6 +203,7 @@ def strip(costs):
         np.zeros((n, p, 3), np.float32),
         np.ones(n, np.float32),
         np.full((n, p), -1, np.int32),
+        np.full((n, p), -1, np.int32),
     )
 
 
@@ -236,6 +237,7 @@ def test_only_photos_that_show_a_face_are_chosen():
     views = FaceViews(
         np.where(hidden, -1, views.photo), np.where(hidden, np.inf, views.cost),
         views.to_consensus, np.full(len(mesh.faces), 60.0, np.float32), views.glimpse,
+        views.outlier,
     )  # fmt: skip
     graph = dual_graph(mesh)
     labels = choose_photos(mesh, views, graph, 3.0)

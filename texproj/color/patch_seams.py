@@ -90,7 +90,7 @@ def _shares(
     total = np.zeros(len(mesh.vertices), np.float32)
     columns = []
     for photo in photos:
-        allowed = (views.photo == photo).any(axis=1)
+        allowed = views.seen & ~(views.outlier == photo).any(axis=1)
         reach = near.reach(photo)
         everywhere = np.ones(len(mesh.vertices), bool)
         everywhere[mesh.faces[~allowed & views.seen]] = False
@@ -175,9 +175,10 @@ def _offsets(
         corners = corners.reshape(-1, 3)
         column = views.photo[chosen] == photo
         way = (views.to_consensus[chosen] * column[..., None]).sum(axis=1)
+        known = area_px[chosen] * column.any(axis=1)
         out = np.zeros((len(mesh.vertices), 3), np.float32)
         if level_px > 0 and len(chosen):
-            out[vertices] = _smoothed(corners, len(vertices), area_px[chosen], way, level_px)
+            out[vertices] = _smoothed(corners, len(vertices), known, way, level_px)
         yield out
 
 

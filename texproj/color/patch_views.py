@@ -72,7 +72,7 @@ class FaceViews:
     to_consensus: (F, k, 3) float32 square root of linear light after gains, what all photos agree
     on minus this photo, 0 where none; density: (F,) float32 pixels per mesh unit of the best
     photo, 0 = unseen; glimpse: (F, k) int32 photos that show a part of a face that none shows as a
-    whole, best first, -1 = none.
+    whole, best first, -1 = none; outlier: (F, k) int32 photos that show something else there.
     """
 
     photo: NDArray[np.int32]
@@ -80,6 +80,7 @@ class FaceViews:
     to_consensus: Floats
     density: Floats
     glimpse: NDArray[np.int32]
+    outlier: NDArray[np.int32]
 
     @property
     def seen(self) -> NDArray[np.bool_]:
@@ -112,16 +113,18 @@ def face_views(
         np.zeros((count, k, 3), np.float32),
         np.zeros(count, np.float32),
         np.full((count, k), -1, np.int32),
+        np.full((count, k), -1, np.int32),
     )
     for number in range(len(spill.sizes)):
         stack = spill.read(number)
         if len(stack.photos):
             rows = points.faces(number)
             quality, pixels = _quality(points, rows, [cameras[p] for p in stack.photos])
-            cost, offset = _judged(stack, quality, gains, options, patch)
+            cost, offset, outlier = _judged(stack, quality, gains, options, patch)
             _keep_best(out, rows, stack, cost, offset)
             shown = (stack.weight > 0).reshape(len(cost), SAMPLES, -1).mean(axis=1)
-            _keep_glimpses(out, rows, stack, shown * quality)
+            _keep_photos(out.glimpse[rows], stack, shown * quality * (out.photo[rows, 0] < 0))
+            _keep_photos(out.outlier[rows], stack, outlier.astype(np.float32))
             out.density[rows] = np.where(shown > 0, pixels, 0).max(axis=0)
     return out
 
@@ -143,19 +146,20 @@ def _quality(points: FacePoints, rows: slice, cameras: list[Camera]) -> tuple[Fl
 
 def _judged(
     stack: Stack, quality: Floats, gains: Gains, options: ColorOptions, patch: PatchOptions
-) -> tuple[Floats, Floats]:
-    """(p, n) cost, inf where the photo does not show the whole face or shows something else, and
-    (p, 3, n) the way from the photo's color to the consensus.
+) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    """(p, n) cost, inf where the photo does not show the whole face or shows something else,
+    (p, 3, n) the way from the photo's color to the consensus, and (p, n) what shows something else.
     """
     p, n = quality.shape
     trust = stack.weight.reshape(p, SAMPLES, n)
-    whole = (trust > 0).all(axis=1)
+    visible = trust > 0
+    whole = visible.all(axis=1)
     trust = trust.mean(axis=1)
     share = quality / np.maximum(quality.max(axis=0), np.float32(1e-20))
     color = np.sqrt(stack.rgb * gains.factor[stack.photos][:, :, None])
     consensus = _consensus(color, stack.weight * np.tile(share, SAMPLES), options.robust_scale)
-    away = (consensus - color).reshape(p, 3, SAMPLES, n)
-    error = np.sqrt((away * away).mean(axis=(1, 2)))
+    away = (consensus - color).reshape(p, 3, SAMPLES, n) * visible[:, None]
+    error = np.sqrt((away * away).mean(axis=1).sum(axis=1) / np.maximum(visible.sum(axis=1), 1))
     best = np.where(whole, quality, 0).max(axis=0)
     coarser = np.log2(np.maximum(best, 1e-20) / np.maximum(quality, 1e-20)).clip(0, 10)
     doubt = (error / np.float32(patch.consensus_scale)) ** 2
@@ -163,8 +167,8 @@ def _judged(
     cost += np.float32(patch.margin) * (1 - trust)
     outlier = error > np.float32(patch.outlier * patch.consensus_scale)
     agreeing = np.count_nonzero(whole & ~outlier, axis=0)
-    wrong = ~whole | (outlier & (agreeing >= FEWEST))
-    return np.where(wrong, np.float32(np.inf), cost), away.mean(axis=2)
+    outlier &= agreeing >= FEWEST
+    return np.where(whole & ~outlier, cost, np.float32(np.inf)), away.mean(axis=2), outlier
 
 
 def _consensus(color: Floats, weight: Floats, scale: float) -> Floats:
@@ -203,9 +207,8 @@ def _keep_best(out: FaceViews, rows: slice, stack: Stack, cost: Floats, offset: 
     out.to_consensus[rows, :kept] = np.where(usable[:, None], way, 0).transpose(2, 0, 1)
 
 
-def _keep_glimpses(out: FaceViews, rows: slice, stack: Stack, shown: Floats) -> None:
-    """Write the photos with most of each face, where none has the whole, into its rows."""
-    order = np.argsort(-shown, axis=0, kind="stable")[: out.glimpse.shape[1]]
-    some = np.take_along_axis(shown, order, axis=0) > 0
-    some &= out.photo[rows, 0] < 0
-    out.glimpse[rows, : len(order)] = np.where(some, stack.photos[order], -1).T
+def _keep_photos(out: NDArray[np.int32], stack: Stack, rank: Floats) -> None:
+    """Write the photos of highest `rank` (p, n) above zero into the rows of `out` (n, k)."""
+    order = np.argsort(-rank, axis=0, kind="stable")[: out.shape[1]]
+    some = np.take_along_axis(rank, order, axis=0) > 0
+    out[:, : len(order)] = np.where(some, stack.photos[order], -1).T

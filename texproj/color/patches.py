@@ -77,21 +77,21 @@ def color_patches(
         with renderer.load(mesh) as scene:
             depths = Depths.of(cameras, scene, survey, scratch)
         points = FacePoints.of(mesh)
-        shots = _Shots(cameras, load_photo, depths, survey)
+        shots = _Shots(cameras, load_photo, depths, settings.color)
         spill = project_depths(points, cameras, load_photo, depths, survey, scratch, steps.first)
         gains = _gains(spill, len(cameras), settings.color)
         views = face_views(points, cameras, spill, gains, settings.color, patch)
-        graph = dual_graph(mesh)
-        labels = _labels(mesh, views, graph, patch)
+        labels = _labels(mesh, views, dual_graph(mesh), patch)
         blends = patch_blends(mesh, labels, views, patch.strip_px, patch.level_px)
         atlas = patch_atlas(mesh, cameras, labels, views.density, settings.unwrap)
         texels = TexelPoints.of(mesh, atlas, scratch)
         pixels = _cut(texels, mesh, atlas, blends, gains, shots, steps)
+        del points, spill, views, blends, shots  # before the pages are made
         pages, counts = _bake(texels, atlas, pixels, settings.color)
         fill_unseen(mesh, atlas, texels, pages, counts)
         for number, page in enumerate(pages):
             fill_page(page, texels.inside(number, page.shape))
-    quality = quality_of(mesh, atlas, labels, views, gains)
+    quality = quality_of(mesh, atlas, labels, gains)
     return Texture(atlas, tuple(pages), tuple(counts), quality)
 
 
@@ -258,9 +258,7 @@ def _bake(
     return pages, counts
 
 
-def quality_of(
-    mesh: Mesh, atlas: Atlas, labels: Labels, views: FaceViews, gains: Gains
-) -> dict[str, Any]:
+def quality_of(mesh: Mesh, atlas: Atlas, labels: Labels, gains: Gains) -> dict[str, Any]:
     """Numbers for the report."""
     area = face_areas(mesh)
     total = max(float(area.sum()), 1e-300)
