@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.camera import Camera
+from texproj.camera import Camera, Intrinsics
 from texproj.options import RefineOptions
 from texproj.register.overlap import choose_partners, shared_views
 from texproj.register.refine_session import (
@@ -28,9 +28,9 @@ from texproj.register.refine_session import (
 )
 from texproj.register.structure_view import Render
 from texproj.register.ties import TieSearch, find_ties
-from texproj.solve.joint import Anchors, JointPoses, Lenses, Ties, scaled_focal
+from texproj.solve.joint import Anchors, JointPoses, Lenses, Ties
 from texproj.solve.lm import LmFit, LmOptions, Loss, minimize
-from texproj.solve.reprojection import projection_jacobian
+from texproj.solve.reprojection import Reprojection, projection_jacobian
 
 Array = NDArray[np.float64]
 Pair = tuple[int, int]
@@ -45,6 +45,8 @@ SETTLED_PX = 0.05
 """Motion of the surface in the photos below which the cameras have stopped, working pixels."""
 ANCHOR_WEIGHT = 2.0
 """For how many independent observations a photo's own registration counts."""
+LEAST_POINTS = 6
+"""Surface points in view with which a pose can follow a change of the lens."""
 TIE_CORRELATION = 20.0
 """How many ties share an error (shape of the mesh, light); widens the expected error."""
 SYSTEMATIC_PX = 0.2
@@ -94,7 +96,13 @@ def refine(
     pairs = choose_partners(*shared_views(start, render), options.partners)
     found = joint.search(start, pairs, options.working_px, FIRST_RADIUS_PX)
     strangers = joint.strangers(found, options)
-    pairs = [p for p in pairs if not strangers.keys() & set(p)]
+    if strangers:
+        kept = [k for k in range(len(cameras)) if k not in strangers]
+        rest = refine(
+            [cameras[k] for k in kept], [sigma_px[k] for k in kept], [fixed[k] for k in kept],
+            [lenses[k] for k in kept], lambda k, size: load_photo(kept[k], size), render, options,
+        )  # fmt: skip
+        return _with_strangers(rest, kept, joint.given, strangers)
     now, fit, rounds = start, None, 0
     for longest, most in _schedule(options):
         for _ in range(most if pairs else 0):
@@ -104,7 +112,7 @@ def refine(
             now, fit = joint.solve(before, [found[pair].ties for pair in pairs], longest)
             if joint.motion_px(before, now).max() * longest / joint.longest < SETTLED_PX:
                 break
-    return joint.outcome(now, strangers, pairs, fit, rounds, options.working_px)
+    return joint.outcome(now, pairs, fit, rounds, options.working_px)
 
 
 def _schedule(options: RefineOptions) -> list[tuple[int, int]]:
@@ -175,7 +183,7 @@ class _Joint:
         return motion
 
     def outcome(
-        self, cameras: Cameras, strangers: dict[int, str], pairs: list[Pair],
+        self, cameras: Cameras, pairs: list[Pair],
         fit: LmFit[Cameras] | None, rounds: int, longest: int,
     ) -> Refined:  # fmt: skip
         """The result with its expected errors."""
@@ -194,7 +202,7 @@ class _Joint:
                 np.isin(np.arange(len(motion)), tied), self.motion_px(self.given, cameras), np.nan
             )
             quality |= {"ties": len(fit.residual), "tie_residual_px": self._residual_px(fit)}
-        return Refined(cameras, strangers, tied, error, motion, quality)
+        return Refined(cameras, {}, tied, error, motion, quality)
 
     def _residual_px(self, fit: LmFit[Cameras]) -> float:
         """Median length of the ties' residuals, full-size pixels."""
@@ -220,17 +228,51 @@ def _shared_lenses(
     free = np.array([not fixed[group == g].any() for g in range(len(names))])
     common = np.array([np.median(log_focal[group == g]) for g in range(len(names))])
     start = tuple(
-        _refocused(camera, float(np.exp(common[g] - old)), points[k]) if free[g] else camera
-        for k, (camera, g, old) in enumerate(zip(cameras, group, log_focal, strict=True))
+        _relensed(camera, _common_lens(k, group, cameras), points[k]) if free[g] else camera
+        for k, (camera, g) in enumerate(zip(cameras, group, strict=True))
     )
     return start, Lenses(group, common, options.focal_sigma, free)
 
 
-def _refocused(camera: Camera, factor: float, points: Array) -> Camera:
-    """Another focal length, and nearer or farther so that the surface keeps its size."""
-    depth = float(np.median(camera.pose.apply(points)[:, 2])) if len(points) else 0.0
-    pose = camera.pose.step([0, 0, 0, 0, 0, depth * (factor - 1)])
-    return Camera(scaled_focal(camera.intrinsics, factor), pose)
+def _common_lens(k: int, group: NDArray[np.intp], cameras: Sequence[Camera]) -> Intrinsics:
+    """The median of what the photos of one lens have found for it: focal length over all,
+    principal point and distortion over those of the same format.
+    """
+    own = cameras[k].intrinsics
+    alike = [c.intrinsics for c, g in zip(cameras, group, strict=True) if g == group[k]]
+    fx = float(np.exp(np.median(np.log([lens.fx for lens in alike]))))
+    same = [
+        lens for lens in alike
+        if (lens.width, lens.height, len(lens.dist)) == (own.width, own.height, len(own.dist))
+    ]  # fmt: skip
+    aspect = float(np.median([lens.fy / lens.fx for lens in same]))
+    cx, cy = np.median([(lens.cx, lens.cy) for lens in same], axis=0)
+    dist = np.median([lens.dist for lens in same], axis=0)
+    return replace(own, fx=fx, fy=fx * aspect, cx=float(cx), cy=float(cy), dist=tuple(dist))
+
+
+def _relensed(camera: Camera, lens: Intrinsics, points: Array) -> Camera:
+    """The camera with another lens, at the pose from which the surface looks most the same."""
+    xy, _ = camera.project(points)
+    usable = np.isfinite(xy).all(axis=1)
+    if lens == camera.intrinsics or usable.sum() < LEAST_POINTS:
+        return Camera(lens, camera.pose)
+    problem = Reprojection(xy[usable], points[usable])
+    return minimize(problem, Camera(lens, camera.pose)).x
+
+
+def _with_strangers(
+    rest: Refined, kept: list[int], given: Cameras, strangers: dict[int, str]
+) -> Refined:
+    """The result of the others among all cameras: a stranger changes nothing of it."""
+    cameras, nothing = list(given), np.full(len(given), np.nan)
+    error, motion = nothing.copy(), nothing.copy()
+    for position, k in enumerate(kept):
+        cameras[k] = rest.cameras[position]
+        error[k], motion[k] = rest.expected_error_px[position], rest.motion_px[position]
+    thrown_out = {**strangers, **{kept[k]: why for k, why in rest.thrown_out.items()}}
+    tied = tuple(kept[k] for k in rest.tied)
+    return Refined(tuple(cameras), thrown_out, tied, error, motion, rest.quality)
 
 
 def _at_full_size(ties: Ties, to_full: float, source: Camera) -> Ties:

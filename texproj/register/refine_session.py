@@ -19,7 +19,7 @@ Cameras = tuple[Camera, ...]
 LoadPhoto = Callable[[int, int], Photo]
 """``load_photo(number, longest)``: the photo with its longer side reduced to `longest`."""
 
-KEPT_PHOTOS, KEPT_VIEWS = 48, 10
+KEPT_PHOTOS, KEPT_VIEWS = 48, 8
 """How many reduced photos, and how many of them with their renderings, stay in memory."""
 ANCHOR_POINTS = 24
 
