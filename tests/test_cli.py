@@ -291,7 +291,13 @@ def test_ctrl_c_in_the_middle_and_the_next_run_resumes(project_folder):
     """A real interrupt of a real process; what was registered before it is kept."""
     only_points(project_folder)
     words = [sys.executable, "-m", "texproj", "run", str(project_folder), "--color.to", "vertices"]
-    process = subprocess.Popen(words, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        words,
+        stderr=subprocess.PIPE,
+        text=True,
+        # a test run in the background of a shell has interrupts switched off
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
     records = project_folder / "work" / "register"
     deadline = time.monotonic() + 60
     while not (records.is_dir() and any(records.glob("*.json"))) and time.monotonic() < deadline:
