@@ -290,14 +290,13 @@ def test_a_full_disk_keeps_the_old_model(project_folder, capsys, monkeypatch):
 def test_ctrl_c_in_the_middle_and_the_next_run_resumes(project_folder):
     """A real interrupt of a real process; what was registered before it is kept."""
     only_points(project_folder)
-    words = [sys.executable, "-m", "texproj", "run", str(project_folder), "--color.to", "vertices"]
-    process = subprocess.Popen(
-        words,
-        stderr=subprocess.PIPE,
-        text=True,
-        # a test run in the background of a shell has interrupts switched off
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    # a test run in the background of a shell has interrupts switched off
+    start = (
+        "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler);"
+        "from texproj.cli import main; sys.exit(main(sys.argv[1:]))"
     )
+    words = [sys.executable, "-c", start, "run", str(project_folder), "--color.to", "vertices"]
+    process = subprocess.Popen(words, stderr=subprocess.PIPE, text=True)
     records = project_folder / "work" / "register"
     deadline = time.monotonic() + 60
     while not (records.is_dir() and any(records.glob("*.json"))) and time.monotonic() < deadline:
