@@ -77,7 +77,8 @@ def find_by_others(
         attempts.append(partial(_by_silhouette, bench, name, start, neighbors))
     attempts += [partial(_from_camera, bench, name, camera) for camera in others[:NEAREST]]
     fit = _first(attempts, [earlier] if earlier else [])
-    return replace(fit, reason="; ".join(filter(None, [fit.reason, earlier]))) if earlier else fit
+    on_its_own = f"on its own: {earlier}" if earlier else ""
+    return replace(fit, reason="; ".join(filter(None, [fit.reason, on_its_own])))
 
 
 def has_means(project: Project, name: str, start: CameraRecord | None) -> bool:

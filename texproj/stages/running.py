@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from texproj.errors import InputError
 from texproj.project import Project
@@ -42,6 +42,8 @@ def run_project(bench: Workbench, progress: Progress = silent) -> RunOutcome:
     """Register, refine, color and report what is stale. Raises InputError."""
     photos = register_photos(bench, progress=progress)
     refined = refine_project(bench, progress, True) if _worth_refining(bench.project) else None
+    entries = bench.project.load_cameras()
+    photos = [replace(outcome, record=entries[outcome.name]) for outcome in photos]
     try:
         color, reason = color_project(bench, progress), ""
     except InputError as error:
