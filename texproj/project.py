@@ -234,7 +234,10 @@ class Project:
         stamp = [stat.st_size, stat.st_mtime_ns]
         known = self._hashes.get(str(path))
         if known is None or known[0] != stamp:
-            self._hashes[str(path)] = known = [stamp, file_hash(path)]
+            try:
+                self._hashes[str(path)] = known = [stamp, file_hash(path)]
+            except OSError as error:
+                raise InputError(f"{path} cannot be read: {error.strerror}") from None
         return str(known[1])
 
     @cached_property

@@ -45,6 +45,8 @@ SETTLED_PX = 0.05
 """Motion of the surface in the photos below which the cameras have stopped, working pixels."""
 ANCHOR_WEIGHT = 2.0
 """For how many independent observations a photo's own registration counts."""
+LEAST_SOUGHT = 20
+"""Patches sought, or ties, below which nothing is concluded."""
 LEAST_POINTS = 6
 """Surface points in view with which a pose can follow a change of the lens."""
 TIE_CORRELATION = 20.0
@@ -103,16 +105,23 @@ def refine(
             [lenses[k] for k in kept], lambda k, size: load_photo(kept[k], size), render, options,
         )  # fmt: skip
         return _with_strangers(rest, kept, joint.given, strangers)
+    confirmed = joint.confirmed(found, options)
+    pairs = [(i, j) for i, j in pairs if {i, j} <= confirmed]
     now, fit, rounds = start, None, 0
     for longest, most in _schedule(options):
         for _ in range(most if pairs else 0):
             before, rounds = now, rounds + 1
             if rounds > 1:
                 found = joint.search(before, pairs, longest, LATER_RADIUS_PX)
-            now, fit = joint.solve(before, [found[pair].ties for pair in pairs], longest)
+            ties = Ties.joined([found[pair].ties for pair in pairs])
+            if len(ties) < LEAST_SOUGHT:
+                break
+            now, fit = joint.solve(before, ties, longest)
             if joint.motion_px(before, now).max() * longest / joint.longest < SETTLED_PX:
                 break
-    return joint.outcome(now, pairs, fit, rounds, options.working_px)
+    tied = tuple(int(k) for k in np.unique([ties.to, ties.source])) if fit else ()
+    numbers = {"rounds": rounds, "pairs": len(pairs)}
+    return joint.outcome(now, tied, fit, numbers, options.working_px)
 
 
 def _schedule(options: RefineOptions) -> list[tuple[int, int]]:
@@ -151,23 +160,30 @@ class _Joint:
         return found
 
     def strangers(self, found: dict[Pair, TieSearch], options: RefineOptions) -> dict[int, str]:
-        """Photos whose surface no partner confirms, and the sentence about each."""
-        best: dict[int, float] = {}
-        for pair, search in found.items():
-            for k in pair:
-                best[k] = max(best.get(k, 0.0), search.support)
+        """The photo whose surface no partner confirms, if its partners are credible: another photo
+        confirms one of them. One at a time, the least confirmed first.
+        """
+        best = _best_support(found)
+        credible = self.confirmed(found, options)
+        doubted = [
+            k for k in best
+            if k not in credible and not self.fixed[k]
+            and any(k in pair and credible & set(pair) for pair in found)
+        ]  # fmt: skip
+        if not doubted:
+            return {}
+        worst = min(doubted, key=lambda k: best[k])
         return {
-            k: f"no other photo shows the same surface where this camera sees it (at best "
-            f"{share:.0%} of the patches agree); check its picks or its start"
-            for k, share in best.items()
-            if share < options.least_support and not self.fixed[k]
+            worst: "no other photo shows the same surface where this camera sees it (at best "
+            f"{best[worst]:.0%} of the patches agree); check its picks or its start"
         }
 
-    def solve(
-        self, cameras: Cameras, ties: list[Ties], longest: int
-    ) -> tuple[Cameras, LmFit[Cameras]]:
+    def confirmed(self, found: dict[Pair, TieSearch], options: RefineOptions) -> set[int]:
+        """Photos of which at least one partner shows the same surface at the same place."""
+        return {k for k, share in _best_support(found).items() if share >= options.least_support}
+
+    def solve(self, cameras: Cameras, joined: Ties, longest: int) -> tuple[Cameras, LmFit[Cameras]]:
         """Move all tied cameras at once."""
-        joined = Ties.joined(ties)
         sigma = TIE_SIGMA_PX * self.longest / longest
         tied = np.isin(np.arange(len(cameras)), [joined.to, joined.source])
         problem = JointPoses(joined, self._anchors(), self.lenses, sigma, self.fixed | ~tied)
@@ -183,13 +199,11 @@ class _Joint:
         return motion
 
     def outcome(
-        self, cameras: Cameras, pairs: list[Pair],
-        fit: LmFit[Cameras] | None, rounds: int, longest: int,
+        self, cameras: Cameras, tied: tuple[int, ...], fit: LmFit[Cameras] | None,
+        quality: dict[str, Any], longest: int,
     ) -> Refined:  # fmt: skip
         """The result with its expected errors."""
         error, motion = np.full(len(cameras), np.nan), np.full(len(cameras), np.nan)
-        tied = tuple(int(k) for k in np.unique(pairs)) if fit else ()
-        quality: dict[str, Any] = {"rounds": rounds, "pairs": len(pairs)}
         if fit is not None:
             covariance = fit.covariance(max(fit.scatter2, 0.1) * TIE_CORRELATION)
             for k in tied:
@@ -215,6 +229,18 @@ class _Joint:
         px = [c.project(p)[0] for c, p in zip(self.given, self.points, strict=True)]
         sigma = np.repeat(self.sigma_px * np.sqrt(count / ANCHOR_WEIGHT), count)
         return Anchors(camera, np.concatenate(self.points), np.concatenate(px), sigma)
+
+
+def _best_support(found: dict[Pair, TieSearch]) -> dict[int, float]:
+    """By photo, the largest share of patches that a partner confirms; photos of which too little
+    could be sought are not in it.
+    """
+    best: dict[int, float] = {}
+    for pair, search in found.items():
+        if search.sought >= LEAST_SOUGHT:
+            for k in pair:
+                best[k] = max(best.get(k, 0.0), search.support)
+    return best
 
 
 def _shared_lenses(

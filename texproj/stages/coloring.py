@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from texproj.camera import Camera
@@ -28,6 +29,7 @@ from texproj.stages.writing import write_texture, write_vertices
 
 STAGE = "color"
 VERSION = 1
+Write = Callable[[Path], tuple[str, ...]]
 SECTIONS = ("color", "unwrap", "patches", "render")
 
 
@@ -58,9 +60,11 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
     inputs = _inputs(project)
     cameras, failed = usable_cameras(project)
     photos = _Photos(project, list(cameras), failed)
-    quality, files = _make(bench, list(cameras.values()), photos, progress)
-    if len(failed) and not set(cameras) - set(failed):
+    quality, write = _made(bench, list(cameras.values()), photos, progress)
+    if not set(cameras) - set(failed):
         raise InputError(f"no photo could be read: {'; '.join(failed.values())}")
+    with staging(project.out) as folder:
+        files = write(folder)
     record = {
         "inputs": inputs,
         "outputs": {name: project.hash_of(project.out / name) for name in files},
@@ -121,22 +125,20 @@ class _Photos:
             return None
 
 
-def _make(
+def _made(
     bench: Workbench, cameras: list[Camera], photos: _Photos, progress: Progress
-) -> tuple[dict[str, Any], tuple[str, ...]]:
-    settings = bench.project.settings
-    options = settings.options("color")
+) -> tuple[dict[str, Any], Write]:
+    """The numbers of the model, and what writes it into a folder and returns the file names."""
 
     def tell(done: int, total: int) -> None:
         progress(STAGE, done, total, "")
 
+    options = bench.project.settings.options("color")
     if options.to == "vertices":
         colors = color_vertices(bench.mesh, cameras, photos, bench.renderer, options, tell)
-        with staging(bench.project.out) as folder:
-            return colors.quality, write_vertices(folder, bench.source, colors)
+        return colors.quality, lambda folder: write_vertices(folder, bench.source, colors)
     texture = _texture(bench, cameras, photos, tell)
-    with staging(bench.project.out) as folder:
-        return texture.quality, write_texture(folder, bench.mesh, texture)
+    return texture.quality, lambda folder: write_texture(folder, bench.mesh, texture)
 
 
 def _texture(

@@ -9,10 +9,10 @@ from dataclasses import replace
 from functools import partial
 
 from texproj.camera import Camera, Intrinsics
-from texproj.errors import RegistrationError
+from texproj.errors import InputError, RegistrationError
 from texproj.project import Project
 from texproj.records import CameraRecord, Fit
-from texproj.register.features import register_features
+from texproj.register.features import Known, register_features
 from texproj.register.from_mask import ChainOptions, register_from_outline
 from texproj.register.mutual_information import register_mutual_information
 from texproj.register.points import register_points
@@ -155,12 +155,19 @@ def _by_features(
 ) -> Fit:
     if not neighbors:
         raise RegistrationError(NOTHING_TO_START_FROM)
-    known = [bench.known(n, neighbors[n]) for n in list(neighbors)[:MOST_COMPARED]]
+    known = [k for n in list(neighbors)[:MOST_COMPARED] if (k := _known(bench, n, neighbors[n]))]
     info = bench.project.photo_info(name)
     features = bench.features(name)
     prior = start.intrinsics if start is not None else None
     options = bench.project.settings.options("points")
     return register_features(info, features, known, prior, options, bench.surface_sample)
+
+
+def _known(bench: Workbench, name: str, camera: Camera) -> Known | None:
+    try:
+        return bench.known(name, camera)
+    except InputError:  # a broken photo helps no other; its own entry says so
+        return None
 
 
 def _by_information(bench: Workbench, name: str, start: CameraRecord | None, _: Neighbors) -> Fit:

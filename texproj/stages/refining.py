@@ -20,15 +20,16 @@ from texproj.render import GBuffer
 from texproj.stages.bench import Workbench
 from texproj.stages.freshness import Freshness, Inputs, changed_inputs, file_inputs, options_inputs
 from texproj.stages.progress import Progress, silent
-from texproj.stages.registering import START_KEY, start_of
+from texproj.stages.registering import BEFORE_KEY, START_KEY, start_of
 
 STAGE = "refine"
 VERSION = 1
-BEFORE_KEY = "before_refine"
-"""Key of a cameras.json entry under which the photo's own registration is kept."""
 UNKNOWN_ERROR_PERCENT = 0.1
 """Expected error of a camera that does not tell its own, percent of the photo's longer side."""
 CHANNELS = ("depth", "normal")
+HELD = "imported cameras held"
+GLANCE_PX = 64
+"""Size at which a photo is decoded to see whether it can be."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +54,7 @@ def refine_project(
     """
     project = bench.project
     known = project.load_record(STAGE)
-    if known is not None and refine_freshness(project).fresh:
+    if known is not None and refine_freshness(project, hold_imported).fresh:
         return RefineOutcome(known["moved_px"], known["thrown_out"], known["quality"], True)
     entries = project.load_cameras()
     before = {n: r for n, e in entries.items() if (r := _usable(project, n, e)) is not None}
@@ -63,19 +64,25 @@ def refine_project(
     names = list(before)
     fixed = [hold_imported and START_KEY not in entries[n].extra for n in names]
     refined = _refine(bench, before, fixed)
-    after = _records(names, before, refined)
+    after = _records(names, before, refined, fixed)
     project.save_cameras(after)
     outcome = _outcome(names, refined)
-    project.save_record(STAGE, None, _record(project, before, after, outcome))
+    held = {HELD: str(hold_imported)}
+    project.save_record(STAGE, None, _record(project, before, after, outcome, held))
     project.save_hashes()
     progress(STAGE, 1, 1, "")
     return outcome
 
 
-def refine_freshness(project: Project) -> Freshness:
+def refine_freshness(project: Project, hold_imported: bool) -> Freshness:
     """Whether the cameras agree as well as they can."""
     record = project.load_record(STAGE)
-    reason = changed_inputs(record, _inputs(project, record or {}))
+    held = {HELD: str(hold_imported)}
+    reason = changed_inputs(record, {**_inputs(project, record or {}), **held})
+    if record is not None and not reason:
+        entries = project.load_cameras()
+        moved = [n for n, h in record["after"].items() if _hash(entries.get(n)) != h]
+        reason = f"{', '.join(moved)} not as the refinement left it" if moved else ""
     return Freshness(STAGE, "all photos", not reason, reason)
 
 
@@ -83,9 +90,16 @@ def _usable(project: Project, name: str, entry: CameraRecord) -> CameraRecord | 
     """The entry as registration left it; None if it cannot take part."""
     if name not in project.photo_paths:
         return None
-    if BEFORE_KEY in entry.extra:
-        entry = record_of_entry(entry.extra[BEFORE_KEY], f"{name}: {BEFORE_KEY}")
-    return entry if entry.registered_camera is not None else None
+    kept = entry.extra.get(BEFORE_KEY)
+    if kept is not None and kept["refined"] == _camera_hash(entry):
+        entry = record_of_entry(kept["entry"], f"{name}: {BEFORE_KEY}")
+    if entry.registered_camera is None:
+        return None
+    try:
+        project.load_photo(name, GLANCE_PX)
+    except InputError:  # the color stage says so
+        return None
+    return entry
 
 
 def _refine(bench: Workbench, before: Mapping[str, CameraRecord], fixed: list[bool]) -> Refined:
@@ -127,17 +141,17 @@ def _expected_error_px(record: CameraRecord) -> float:
 
 
 def _records(
-    names: list[str], before: Mapping[str, CameraRecord], refined: Refined
+    names: list[str], before: Mapping[str, CameraRecord], refined: Refined, fixed: list[bool]
 ) -> list[CameraRecord]:
     """The new entries: moved, thrown out, or as they were where nothing could be said."""
     out = []
     for k, name in enumerate(names):
         record = before[name]
-        extra = {**record.extra, BEFORE_KEY: entry_of_record(record)}
+        own = entry_of_record(record)
         if k in refined.thrown_out:
             quality = {**record.quality, "reason": refined.thrown_out[k]}
-            record = replace(record, pose=None, status="failed", quality=quality, extra=extra)
-        elif k in refined.tied:
+            record = replace(record, pose=None, status="failed", quality=quality)
+        elif k in refined.tied and not fixed[k]:
             quality = {
                 **record.quality,
                 "expected_error_px": round(float(refined.expected_error_px[k]), 3),
@@ -145,8 +159,11 @@ def _records(
             }
             camera = refined.cameras[k]
             record = replace(
-                record, intrinsics=camera.intrinsics, pose=camera.pose, quality=quality, extra=extra
+                record, intrinsics=camera.intrinsics, pose=camera.pose, quality=quality
             )
+        if record is not before[name]:
+            kept = {"entry": own, "refined": _camera_hash(record)}
+            record = replace(record, extra={**record.extra, BEFORE_KEY: kept})
         out.append(record)
     return out
 
@@ -166,6 +183,7 @@ def _record(
     before: Mapping[str, CameraRecord],
     after: list[CameraRecord],
     outcome: RefineOutcome,
+    held: dict[str, str],
 ) -> dict[str, Any]:
     record = {
         "before": {name: json_hash(entry_of_record(entry)) for name, entry in before.items()},
@@ -174,7 +192,7 @@ def _record(
         "thrown_out": outcome.thrown_out,
         "quality": outcome.quality,
     }
-    return {"inputs": _inputs(project, record), **record}
+    return {"inputs": {**_inputs(project, record), **held}, **record}
 
 
 def _inputs(project: Project, record: Mapping[str, Any]) -> Inputs:
@@ -187,6 +205,16 @@ def _inputs(project: Project, record: Mapping[str, Any]) -> Inputs:
         inputs |= file_inputs(project, **files)
         inputs[f"registration of {name}"] = _registration(entry, name, record)
     return inputs
+
+
+def _hash(entry: CameraRecord | None) -> str:
+    return json_hash(entry_of_record(entry)) if entry is not None else "none"
+
+
+def _camera_hash(entry: CameraRecord) -> str:
+    """Hash of the camera alone, so that a later edit of it by hand shows."""
+    written = entry_of_record(entry)
+    return json_hash([written.get(key) for key in ("K", "dist", "R", "t", "status")])
 
 
 def _registration(entry: CameraRecord, name: str, record: Mapping[str, Any]) -> str:

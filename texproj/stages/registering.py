@@ -32,6 +32,9 @@ SECTIONS = ("register", "points", "structure", "mutual-information", "silhouette
 UNUSABLE = "unusable_input"
 """Key of an entry's quality: a file of the photo cannot be read, so nothing else is tried."""
 OTHERS = "other registered photos"
+BEFORE_KEY = "before_refine"
+"""Key of an entry under which the photo's own registration is kept when all were refined."""
+OWN_KEYS = ("start", BEFORE_KEY)
 START_KEY = "start"
 """Key of a cameras.json entry under which the camera is kept that registration started from."""
 
@@ -99,6 +102,8 @@ def start_of(entry: CameraRecord | None) -> CameraRecord | None:
     """The camera that the registration of an entry starts from: what was there before it."""
     if entry is None or START_KEY not in entry.extra:
         return entry
+    if entry.status == "prior":  # somebody has put a camera in place of a failure
+        return replace(entry, extra=_foreign(entry))
     start = entry.extra[START_KEY]
     if start is None:
         return None
@@ -114,7 +119,9 @@ def _register_one(
     if entry is not None and state.fresh:
         return PhotoOutcome(name, entry, True, entry.quality.get("reason", "") or state.reason)
     start = start_of(entry)
-    record = _attempt(find, bench, name, start, _neighbors(name, entries))
+    record = _attempt(find, bench, name, start, _neighbors(project, name, entries))
+    if entry is not None:
+        record = replace(record, extra={**_foreign(entry), **record.extra})
     project.save_cameras([record])
     inputs = _inputs(project, name, {**entries, name: record})
     if find is find_camera and OTHERS in inputs:
@@ -136,10 +143,18 @@ def _freshness(project: Project, name: str, entries: Mapping[str, CameraRecord])
     return Freshness(STAGE, name, not reason, reason)
 
 
-def _neighbors(name: str, entries: Mapping[str, CameraRecord]) -> dict[str, Camera]:
+def _foreign(entry: CameraRecord) -> dict[str, Any]:
+    """What others have written into an entry."""
+    return {key: value for key, value in entry.extra.items() if key not in OWN_KEYS}
+
+
+def _neighbors(
+    project: Project, name: str, entries: Mapping[str, CameraRecord]
+) -> dict[str, Camera]:
     """Registered cameras of other photos, those next in the order of names first."""
     order = sorted({name, *entries})
-    others = sorted(entries, key=lambda n: abs(order.index(n) - order.index(name)))
+    present = [n for n in entries if n in project.photo_paths]
+    others = sorted(present, key=lambda n: abs(order.index(n) - order.index(name)))
     found = {n: entries[n].registered_camera for n in others if n != name}
     return {n: c for n, c in list(found.items()) if c is not None}
 
@@ -163,10 +178,16 @@ def _inputs(project: Project, name: str, entries: Mapping[str, CameraRecord]) ->
         **file_inputs(project, **files),
         "start camera": json_hash(entry_of_record(start)) if start else "none",
     }
-    entry = entries.get(name)
-    if entry is None or entry.status != "registered" or not has_means(project, name, start):
-        inputs[OTHERS] = json_hash(sorted(_neighbors(name, entries)))
+    if not _registered_before_refinement(entries.get(name)):
+        inputs[OTHERS] = json_hash(sorted(_neighbors(project, name, entries)))
     return inputs
+
+
+def _registered_before_refinement(entry: CameraRecord | None) -> bool:
+    """Whether the photo's own registration succeeded, whatever the others said later."""
+    if entry is None:
+        return False
+    return entry.status == "registered" or BEFORE_KEY in entry.extra
 
 
 def _attempt(

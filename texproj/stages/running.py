@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from texproj.errors import InputError
 from texproj.project import Project
+from texproj.records import CameraRecord
 from texproj.stages.bench import Workbench
 from texproj.stages.coloring import ColorOutcome, color_freshness, color_project
 from texproj.stages.freshness import Freshness
@@ -41,9 +42,9 @@ class RunOutcome:
 def run_project(bench: Workbench, progress: Progress = silent) -> RunOutcome:
     """Register, refine, color and report what is stale. Raises InputError."""
     photos = register_photos(bench, progress=progress)
-    refined = refine_project(bench, progress, True) if _worth_refining(bench.project) else None
+    refined = _refined(bench, progress)
     entries = bench.project.load_cameras()
-    photos = [replace(outcome, record=entries[outcome.name]) for outcome in photos]
+    photos = [_with_record(outcome, entries[outcome.name]) for outcome in photos]
     try:
         color, reason = color_project(bench, progress), ""
     except InputError as error:
@@ -52,9 +53,22 @@ def run_project(bench: Workbench, progress: Progress = silent) -> RunOutcome:
     return RunOutcome(photos, refined, color, report, reason)
 
 
+def _refined(bench: Workbench, progress: Progress) -> RefineOutcome | None:
+    if not _worth_refining(bench.project):
+        return None
+    try:
+        return refine_project(bench, progress, hold_imported=True)
+    except InputError:  # fewer than two photos can be read; the color stage names them
+        return None
+
+
+def _with_record(outcome: PhotoOutcome, record: CameraRecord) -> PhotoOutcome:
+    return replace(outcome, record=record, reason=record.quality.get("reason") or outcome.reason)
+
+
 def project_status(project: Project) -> list[Freshness]:
     """Each item of each stage: fresh, or stale and why. Raises InputError."""
-    refined = [refine_freshness(project)] if _worth_refining(project) else []
+    refined = [refine_freshness(project, True)] if _worth_refining(project) else []
     after = [color_freshness(project), report_freshness(project)]
     return [*registration_freshness(project), *refined, *after]
 
