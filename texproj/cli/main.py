@@ -8,7 +8,6 @@ from collections.abc import Sequence
 
 from cyclopts import App, CycloptsError
 
-from texproj import __version__
 from texproj.cli import talk
 from texproj.errors import TexprojError
 from texproj.stages.progress import Cancelled
@@ -54,5 +53,3 @@ def _refuse(words: list[str], sentence: str) -> int:
 def _command(words: list[str]) -> str:
     return f"{words[0]} " if words and not words[0].startswith("-") else ""
 
-
-VERSION = __version__
