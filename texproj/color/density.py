@@ -34,12 +34,13 @@ def texels_per_unit(
     best = np.zeros(len(mesh.faces))
     for number, camera in enumerate(cameras):
         depth_camera, depth = depths.read(number)
-        view = PhotoView(camera, depth_camera, np.dstack([depth, np.ones_like(depth)]))
+        view = PhotoView(camera, depth_camera, depth)
         sight = sight_of(faces, camera, depth_camera, 1, options)
-        everything = Chunk(faces.center, np.arange(len(best), dtype=np.int32))
-        seen = project(everything, sight, view)[1] > 0
         pixels = resolution(faces, camera) * np.sqrt(np.maximum(facing(faces, camera), 0))
-        best = np.maximum(best, np.where(seen, pixels, 0))
+        better = np.flatnonzero(np.where(sight.weight > 0, pixels, 0) > best).astype(np.int32)
+        weight = sight.weight.take(better)
+        project(Chunk(faces.center.take(better, axis=0), better), weight, sight, view)
+        best[better] = np.where(weight > 0, pixels[better], best[better])
     seen = best > 0
     if not seen.any():
         return np.ones(len(best))

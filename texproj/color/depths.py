@@ -9,8 +9,8 @@ import numpy as np
 
 from texproj.camera import Camera
 from texproj.color.points import Floats
+from texproj.color.prepare import depth_seen
 from texproj.color.scratch import Scratch
-from texproj.color.view import depth_seen
 from texproj.options import ColorOptions
 from texproj.render import Scene
 

@@ -12,6 +12,8 @@ from texproj.camera import Camera
 from texproj.color.points import Floats
 from texproj.color.view import LENS_CELL, PhotoView, linear16
 
+Colors = NDArray[np.uint16]
+
 ROW = 256
 """Lookups are arranged in rows of this many, since OpenCV takes at most 32767 columns."""
 
@@ -59,18 +61,30 @@ def affine(maps: Floats, scale: tuple[float, float], offset: tuple[float, float]
     return cv2.transform(maps, matrix)
 
 
-def read_colors(view: PhotoView, xy_px: Floats, level: NDArray[np.int8]) -> NDArray[np.uint16]:
-    """(rows * ROW, 3) linear colors at full-size positions, each from its pyramid level."""
-    rgb: NDArray[np.uint16] | None = None
+def taken(maps: Floats, rows: NDArray[np.intp]) -> Floats:
+    """Some of the positions, in rows of `ROW` again."""
+    out = np.full((-(-len(rows) // ROW) * ROW, 2), -1e6, np.float32)
+    out.view(np.uint64)[: len(rows), 0] = maps.view(np.uint64).reshape(-1).take(rows)
+    return out.reshape(-1, ROW, 2)
+
+
+def read_colors(view: PhotoView, xy_px: Floats, level: NDArray[np.int8] | None) -> Colors:
+    """(rows, ROW, 3) linear colors at full-size positions, each from its pyramid level; all from
+    the first where `level` is None.
+    """
+    if level is None:
+        return _read(view, xy_px, 0)
+    rgb = np.empty((*xy_px.shape[:2], 3), np.uint16)
+    flat = rgb.reshape(-1, 3)
     for number in np.flatnonzero(np.bincount(level)):
-        image = view.levels[number]
-        maps = xy_px if number == 0 else rescaled(xy_px, image.shape, view.camera)
-        values = cv2.remap(image, maps, None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-        values = linear16(values).reshape(-1, 3)
-        if rgb is None:
-            rgb = values
-        else:
-            chosen = np.flatnonzero(level == number)
-            rgb[chosen] = values[chosen]
-    assert rgb is not None
+        chosen = np.flatnonzero(level == number)
+        if len(chosen) == len(level):
+            return _read(view, xy_px, int(number))
+        flat[chosen] = _read(view, taken(xy_px, chosen), int(number)).reshape(-1, 3)[: len(chosen)]
     return rgb
+
+
+def _read(view: PhotoView, xy_px: Floats, number: int) -> Colors:
+    image = view.levels[number]
+    maps = xy_px if number == 0 else rescaled(xy_px, image.shape, view.camera)
+    return linear16(cv2.remap(image, maps, None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE))

@@ -27,6 +27,7 @@ from texproj.color.patch_labels import Labels, choose_photos, merge_islands
 from texproj.color.patch_seams import PatchBlend, patch_blends
 from texproj.color.patch_views import FacePoints, FaceViews, face_views, survey_options
 from texproj.color.points import Floats
+from texproj.color.prepare import view_of
 from texproj.color.project import LoadPhoto, Progress, project_depths
 from texproj.color.result import Texture
 from texproj.color.sample import Samples, sample
@@ -37,7 +38,7 @@ from texproj.color.spill import Spill
 from texproj.color.texels import TexelPoints
 from texproj.color.threads import ahead, in_parallel
 from texproj.color.unseen import fill_unseen
-from texproj.color.view import WHITE, PhotoView, view_of
+from texproj.color.view import WHITE, PhotoView
 from texproj.mesh import Mesh, face_areas
 from texproj.options import ColorOptions, PatchOptions, UnwrapOptions
 from texproj.photo import srgb_from_linear

@@ -45,6 +45,10 @@ class Chunk:
     def __len__(self) -> int:
         return len(self.xyz)
 
+    def take(self, rows: NDArray[np.intp]) -> Chunk:
+        """Some of the points."""
+        return Chunk(self.xyz.take(rows, axis=0), self.owner.take(rows))
+
 
 class PointSource(Protocol):
     """Points of a whole surface, chunk by chunk."""

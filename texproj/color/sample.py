@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.color.lookup import depth_pixels, photo_pixels, read_colors, rescaled
+from texproj.color.lookup import depth_pixels, photo_pixels, read_colors, taken
 from texproj.color.points import Chunk, Floats
 from texproj.color.sight import Sight
 from texproj.color.view import PhotoView
@@ -41,45 +41,44 @@ class Samples:
 
 def sample(chunk: Chunk, sight: Sight, view: PhotoView) -> Samples | None:
     """The photo's color at every point that it sees with a weight above zero; None if none."""
-    facing = sight.weight[chunk.owner] > 0
-    count = np.count_nonzero(facing)
-    if count == 0:
+    weight = sight.weight.take(chunk.owner)
+    facing = np.flatnonzero(weight)
+    part = chunk
+    if len(facing) < len(chunk):
+        part, weight = chunk.take(facing), weight.take(facing)
+    xy_px = project(part, weight, sight, view)
+    seen = np.flatnonzero(weight)
+    if len(seen) == 0:
         return None
-    part = chunk if count > len(chunk) // 2 else Chunk(chunk.xyz[facing], chunk.owner[facing])
-    xy_px, weight = project(part, sight, view)
-    seen = weight > 0
-    if not seen.any():
-        return None
-    packed = np.empty((len(seen), 4), np.uint16)
-    packed[:, :3] = read_colors(view, xy_px, sight.level[part.owner])[: len(seen)]
+    if len(seen) < len(part):
+        xy_px, weight = taken(xy_px, seen), weight.take(seen)
+        facing = facing.take(seen)
+    level = sight.level.take(part.owner.take(seen)) if sight.level.any() else None
+    rgb = read_colors(view, xy_px, level)
+    packed = np.empty((*rgb.shape[:2], 4), np.uint16)
+    cv2.mixChannels([rgb], [packed], [0, 0, 1, 1, 2, 2])
+    packed = packed.reshape(-1, 4)[: len(seen)]
     np.maximum(weight * np.float32(WEIGHT_ONE), 1, out=packed[:, 3], casting="unsafe")
-    if not seen.all():
-        packed = packed.view(np.uint64)[seen].view(np.uint16).reshape(-1, 4)
-    if part is not chunk:
-        facing[facing] = seen
-        seen = facing
-    return Samples(seen, packed)
+    mask = np.zeros(len(chunk), bool)
+    mask[facing] = True
+    return Samples(mask, packed)
 
 
-def project(chunk: Chunk, sight: Sight, view: PhotoView) -> tuple[Floats, Floats]:
-    """Where the points are in the photo, and their weights, 0 = unseen.
+def project(chunk: Chunk, weight: Floats, sight: Sight, view: PhotoView) -> Floats:
+    """Where the points are in the photo; their weights (n,) are multiplied, in place, by what the
+    picture is worth there, 0 = unseen.
 
     Returns (rows, ROW, 2) float32 OpenCV pixels (the top-left pixel's center is 0) of the
-    full-size photo, of which the first n count; (n,) float32.
+    full-size photo, of which the first n count.
     """
-    n = len(chunk)
     in_depth, depth = depth_pixels(chunk.xyz, sight.origin, view.depth_camera)
-    nearest = depth * sight.nearer[chunk.owner]
-    hull = cv2.remap(view.hull, in_depth, None, cv2.INTER_NEAREST, borderValue=(-1, 0))
-    hull = hull.reshape(-1, 2)[:n]
-    visible = nearest <= hull[:, 0]
+    nearest = sight.nearer.take(chunk.owner)
+    nearest *= depth
+    seen = cv2.remap(view.depth, in_depth, None, cv2.INTER_NEAREST, borderValue=-1)
+    visible = nearest <= seen.reshape(-1)[: len(chunk)]
     visible &= depth > 0
-    weight = sight.weight[chunk.owner]
-    weight *= hull[:, 1]
     weight *= visible
-    xy_px = photo_pixels(in_depth, view)
     if view.trust is not None:
-        small = rescaled(xy_px, view.trust.shape, view.camera)
-        trust = cv2.remap(view.trust, small, None, cv2.INTER_NEAREST, borderValue=0)
-        weight *= trust.reshape(-1)[:n]
-    return xy_px, weight
+        trust = cv2.remap(view.trust, in_depth, None, cv2.INTER_NEAREST, borderValue=0)
+        weight *= trust.reshape(-1)[: len(chunk)]
+    return photo_pixels(in_depth, view)
