@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +13,7 @@ from texproj.color.atlas import Atlas
 from texproj.color.points import Chunk, Floats, Owners
 from texproj.color.raster import face_image
 from texproj.color.scratch import Scratch
+from texproj.color.threads import in_parallel
 from texproj.mesh import Mesh, face_areas, vertex_normals
 
 TILE = 256
@@ -105,33 +107,44 @@ def _write_page(
 ) -> list[Tile]:
     """The tiles of a page; each: which texels, then their faces, then their positions."""
     height, width = faces.shape
-    tiles = []
-    for y in range(0, height, TILE):
-        for x in range(0, width, TILE):
-            rows, columns = slice(y, min(y + TILE, height)), slice(x, min(x + TILE, width))
-            part = faces[rows, columns]
-            mask = part >= 0
-            count = int(np.count_nonzero(mask))
-            if count:
-                owner = part[mask]
-                row, column = np.nonzero(mask)
-                xyz = on_surface(frames[owner], column + (x + 0.5), row + (y + 0.5))
-                start = scratch.append(
-                    np.packbits(mask).tobytes(), owner.tobytes(), xyz.astype(np.float32).tobytes()
-                )
-                tiles.append(Tile(page, rows, columns, count, start))
-    return tiles
+    corners = [(y, x) for y in range(0, height, TILE) for x in range(0, width, TILE)]
+    tiles: list[Tile | None] = [None] * len(corners)
+
+    def one(number: int) -> None:
+        y, x = corners[number]
+        rows, columns = slice(y, min(y + TILE, height)), slice(x, min(x + TILE, width))
+        part = faces[rows, columns]
+        mask = part >= 0
+        inside = np.flatnonzero(mask)
+        if len(inside):
+            owner = part.ravel().take(inside)
+            row, column = np.divmod(inside.astype(np.int32), np.int32(part.shape[1]))
+            xyz = on_surface(frames, owner, column + np.float32(x + 0.5), row + np.float32(y + 0.5))
+            parts = np.packbits(mask).tobytes(), owner.data.cast("B"), xyz.data.cast("B")
+            tiles[number] = Tile(page, rows, columns, len(inside), scratch.append(*parts))
+
+    in_parallel(one, range(len(corners)))
+    return [tile for tile in tiles if tile is not None]
 
 
-def on_surface(frames: Floats, x: NDArray[Any], y: NDArray[Any]) -> Floats:
-    """(n, 3) points of page positions (x, y), each in the plane of its face's frame."""
-    dx = (x - frames[:, 9]).astype(np.float32)[:, None]
-    dy = (y - frames[:, 10]).astype(np.float32)[:, None]
-    return frames[:, 0:3] + frames[:, 3:6] * dx + frames[:, 6:9] * dy
+def on_surface(frames: Floats, owner: NDArray[np.int32], x: Floats, y: Floats) -> Floats:
+    """(n, 3) points of page positions (x, y), each in the plane of the frame of its owner."""
+    dx = x - frames[9].take(owner)
+    dy = y - frames[10].take(owner)
+    columns = []
+    for axis in range(3):
+        along = frames[3 + axis].take(owner)
+        along *= dx
+        down = frames[6 + axis].take(owner)
+        down *= dy
+        along += down
+        along += frames[axis].take(owner)
+        columns.append(along)
+    return cv2.merge(columns).reshape(-1, 3)
 
 
 def surface_frames(corners: NDArray[np.float64], uv: NDArray[np.float64]) -> Floats:
-    """(F, 11) float32 map from page to surface per face: a point on the surface (3), its steps per
+    """(11, F) float32 map from page to surface per face: a point on the surface (3), its steps per
     texel to the right (3) and down (3), and the page position of the point (2).
     """
     e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
@@ -140,7 +153,8 @@ def surface_frames(corners: NDArray[np.float64], uv: NDArray[np.float64]) -> Flo
     det = np.where(np.abs(det) > 1e-12, det, np.inf)[:, None]
     right = (e1 * d[:, None] - e2 * b[:, None]) / det
     down = (e2 * a[:, None] - e1 * c[:, None]) / det
-    return np.concatenate([corners[:, 0], right, down, uv[:, 0]], axis=1).astype(np.float32)
+    rows = np.concatenate([corners[:, 0], right, down, uv[:, 0]], axis=1)
+    return np.ascontiguousarray(rows.T, np.float32)
 
 
 def _texel_edge(mesh: Mesh, uv: NDArray[np.float64]) -> Floats:
