@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from texproj.color.points import Floats
-from texproj.color.spill import Spill, Stack
+from texproj.color.survey import Survey
 
 DARKEST, BRIGHTEST = 0.003, 0.92
 """Linear values between which a photo's response is trusted: above the noise and the rounding of
@@ -23,6 +23,8 @@ PRIOR = 1e-4
 nothing with others, nothing against a real overlap."""
 
 ROUNDS = 12
+
+Doubles = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +41,34 @@ class Gains:
     points: NDArray[np.int64]
 
 
+@dataclass(frozen=True, eq=False)
+class Overlaps:
+    """m trusted observations of points that at least two photos see.
+
+    photo, point: (m,) int32, points numbered 0..n; log_rgb: (m, 3); photos, points: how many.
+    """
+
+    photo: NDArray[np.int32]
+    point: NDArray[np.int32]
+    log_rgb: Doubles
+    photos: int
+    points: int
+
+    def per_photo(self, values: Doubles) -> Doubles:
+        """(p,) sums of (m,) values."""
+        return np.bincount(self.photo, values, self.photos).astype(np.float64, copy=False)
+
+    def per_point(self, values: Doubles) -> Doubles:
+        """(n,) sums of (m,) values."""
+        return np.bincount(self.point, values, self.points).astype(np.float64, copy=False)
+
+    def centers(self, values: Doubles, weight: Doubles) -> Doubles:
+        """(m, k) weighted mean of (m, k) values over the photos, at each observation's point."""
+        norm = np.maximum(self.per_point(weight), 1e-12)
+        means = [self.per_point(weight * column) / norm for column in values.T]
+        return np.stack(means, axis=1)[self.point]
+
+
 def no_gains(photos: int) -> Gains:
     """Every photo as it is."""
     return Gains(
@@ -46,57 +76,55 @@ def no_gains(photos: int) -> Gains:
     )
 
 
-def solve_gains(spill: Spill, photos: int, points: int = 20_000) -> Gains:
+def solve_gains(survey: Survey) -> Gains:
     """Per-photo, per-channel gains by robust least squares on log colors of shared points.
 
     Unknown are the log gain of each photo and the log color of each point; the points are
     eliminated, so that a (p, p) system is left. Cauchy weights, scale from the median residual,
     reset in each of `ROUNDS` rounds. Gauge: mean log gain 0 (by `PRIOR`).
     """
-    log_rgb, valid = _observations(spill.survey(points), photos)
-    shared = valid & (valid.sum(axis=0) > 1)
-    weight = shared.astype(np.float64)
-    log_gain = np.zeros((photos, 3))
-    residual = np.zeros_like(log_rgb)
-    for _ in range(ROUNDS):
-        log_gain = _solve(log_rgb, weight)
-        corrected = log_rgb + log_gain[:, None]
-        norm = np.maximum(weight.sum(axis=0), 1e-12)
-        center = (weight[..., None] * corrected).sum(axis=0) / norm[:, None]
-        residual = np.abs(corrected - center).mean(axis=2)
-        scale = max(2.0 * float(np.median(residual[shared])), 1e-3) if shared.any() else 1.0
-        weight = shared / (1 + (residual / scale) ** 2)
-    spread = [np.median(r[s]) if s.any() else 0.0 for r, s in zip(residual, shared, strict=True)]
-    log_gain -= log_gain[shared.any(axis=1)].mean(axis=0) if shared.any() else 0
-    return Gains(
-        np.exp(log_gain).astype(np.float32),
-        np.array(spread, np.float32),
-        shared.sum(axis=1).astype(np.int64),
+    shared = overlaps(survey)
+    log_gain, residual = np.zeros((shared.photos, 3)), np.zeros(len(shared.photo))
+    weight = np.ones(len(shared.photo))
+    for _ in range(ROUNDS if len(weight) else 0):
+        log_gain = _solve(shared, weight)
+        corrected = shared.log_rgb + log_gain[shared.photo]
+        residual = np.abs(corrected - shared.centers(corrected, weight)).mean(axis=1)
+        scale = max(2.0 * float(np.median(residual)), 1e-3)
+        weight = 1 / (1 + (residual / scale) ** 2)
+    points = np.bincount(shared.photo, minlength=shared.photos)
+    if points.any():
+        log_gain -= log_gain[points > 0].mean(axis=0)
+    spread = [np.median(residual[shared.photo == p]) if n else 0.0 for p, n in enumerate(points)]
+    return Gains(np.exp(log_gain).astype(np.float32), np.array(spread, np.float32), points)
+
+
+def overlaps(survey: Survey) -> Overlaps:
+    """What in a survey can be compared."""
+    rgb = survey.rgb
+    sound = (rgb.min(axis=1) > DARKEST) & (rgb.max(axis=1) < BRIGHTEST)
+    sound &= survey.weight > SURE_WEIGHT
+    seen_by = np.bincount(survey.point[sound], minlength=survey.points)
+    sound &= seen_by[survey.point] > 1
+    number = np.cumsum(seen_by > 1, dtype=np.int32) - 1
+    return Overlaps(
+        survey.photo[sound],
+        number[survey.point[sound]],
+        np.log(rgb[sound].astype(np.float64)),
+        len(survey.shots),
+        int(np.count_nonzero(seen_by > 1)),
     )
 
 
-def _observations(
-    stacks: Sequence[Stack], photos: int
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """(p, n, 3) log colors and (p, n) whether they can be trusted."""
-    count = sum(stack.weight.shape[1] for stack in stacks)
-    log_rgb = np.zeros((photos, count, 3))
-    valid = np.zeros((photos, count), bool)
-    start = 0
-    for stack in stacks:
-        part = slice(start, start := start + stack.weight.shape[1])
-        rgb = stack.rgb.transpose(0, 2, 1)
-        log_rgb[stack.photos, part] = np.log(np.maximum(rgb, DARKEST / 2))
-        sound = (rgb > DARKEST).all(axis=2) & (rgb < BRIGHTEST).all(axis=2)
-        valid[stack.photos, part] = sound & (stack.weight > SURE_WEIGHT)
-    return log_rgb, valid
-
-
-def _solve(log_rgb: NDArray[np.float64], weight: NDArray[np.float64]) -> NDArray[np.float64]:
+def _solve(shared: Overlaps, weight: Doubles) -> Doubles:
     """(p, 3) log gains of the weighted least squares problem, points eliminated."""
-    norm = np.maximum(weight.sum(axis=0), 1e-12)
-    normal = np.diag(weight.sum(axis=1)) - (weight / norm) @ weight.T
-    normal += PRIOR * np.eye(len(weight))
-    center = (weight[..., None] * log_rgb).sum(axis=0) / norm[:, None]
-    right = np.einsum("pn,pnc->pc", weight, center - log_rgb)
-    return np.linalg.solve(normal, right)
+    center = shared.centers(shared.log_rgb, weight)
+    per_point = np.maximum(shared.per_point(weight), 1e-12)
+    shape = (shared.photos, shared.points)
+    seen = csr_array((weight, (shared.photo, shared.point)), shape=shape)
+    share = csr_array((weight / per_point[shared.point], (shared.photo, shared.point)), shape=shape)
+    normal = np.diag(shared.per_photo(weight)) - (share @ seen.T).toarray()
+    normal += PRIOR * np.eye(shared.photos)
+    difference = weight[:, None] * (center - shared.log_rgb)
+    right = np.stack([shared.per_photo(column) for column in difference.T], axis=1)
+    return np.linalg.solve(normal, right).astype(np.float64, copy=False)

@@ -19,13 +19,14 @@ from numpy.typing import NDArray
 from texproj.camera import Camera
 from texproj.color.atlas import Atlas
 from texproj.color.depths import Depths
-from texproj.color.gains import Gains, no_gains, solve_gains
+from texproj.color.gains import Gains
 from texproj.color.memory import return_freed_memory
 from texproj.color.pages import fill_page
 from texproj.color.patch_charts import patch_atlas
 from texproj.color.patch_labels import Labels, choose_photos, merge_islands
 from texproj.color.patch_seams import PatchBlend, patch_blends
 from texproj.color.patch_views import FacePoints, FaceViews, face_views, survey_options
+from texproj.color.photometry import solve_photometry
 from texproj.color.points import Floats
 from texproj.color.prepare import view_of
 from texproj.color.project import LoadPhoto, Progress, project_depths
@@ -79,8 +80,10 @@ def color_patches(
             depths = Depths.of(cameras, scene, survey, scratch)
         points = FacePoints.of(mesh)
         shots = _Shots(cameras, load_photo, depths, settings.color)
-        spill = project_depths(points, cameras, load_photo, depths, survey, scratch, steps.first)
-        gains = _gains(spill, len(cameras), settings.color)
+        spill, evidence = project_depths(
+            points, cameras, load_photo, depths, survey, scratch, steps.first
+        )
+        gains = solve_photometry(evidence, settings.color).gains
         views = face_views(points, cameras, spill, gains, settings.color, patch)
         labels = _labels(mesh, views, dual_graph(mesh), patch)
         blends = patch_blends(mesh, labels, views, patch.strip_px, patch.level_px)
@@ -125,10 +128,6 @@ class _Shots:
         if photo is None:
             return None
         return view_of(photo, self.cameras[number], *self.depths.read(number), self.options)
-
-
-def _gains(spill: Spill, photos: int, options: ColorOptions) -> Gains:
-    return solve_gains(spill, photos) if options.gains else no_gains(photos)
 
 
 def _labels(mesh: Mesh, views: FaceViews, graph: DualGraph, patch: PatchOptions) -> Labels:

@@ -36,7 +36,7 @@ def view_of(
     focal, diagonal = depth_camera.intrinsics.fx, np.hypot(camera.width, camera.height)
     feather = options.silhouette_feather * diagonal * focal / camera.intrinsics.fx
     levels = image_pyramid(photo)
-    view = PhotoView(camera, depth_camera, depth, levels)
+    view = PhotoView(camera, depth_camera, depth, levels, info=photo.info)
     trust = in_depth_pixels(picture_trust(photo, levels, options), view)
     trust *= silhouette_factor(depth, focal, feather)
     return replace(view, trust=trust)

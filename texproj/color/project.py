@@ -7,12 +7,14 @@ from collections.abc import Callable, Iterable, Sequence
 from texproj.camera import Camera
 from texproj.color.depths import Depths
 from texproj.color.points import PointSource
+from texproj.color.prepare import photo_view, view_of
 from texproj.color.sample import sample
 from texproj.color.scratch import Scratch
-from texproj.color.sight import sight_of
+from texproj.color.sight import Sight, sight_of
 from texproj.color.spill import Spill
+from texproj.color.survey import Survey, Surveyor
 from texproj.color.threads import ahead, in_parallel
-from texproj.color.view import PhotoView, photo_view, view_of
+from texproj.color.view import PhotoView
 from texproj.options import ColorOptions
 from texproj.photo import Photo
 from texproj.render import Scene
@@ -31,9 +33,9 @@ def project_photos(
     options: ColorOptions,
     scratch: Scratch,
     progress: Progress | None = None,
-) -> Spill:
-    """The samples of all photos; each is loaded once, while the one before is worked on, and
-    forgotten; one that loads as None is left out.
+) -> tuple[Spill, Survey]:
+    """The samples of all photos and a survey; each photo is loaded once, while the one before is
+    worked on, and forgotten; one that loads as None is left out.
     """
     views = (
         photo_view(photo, camera, scene, options) if photo is not None else None
@@ -50,7 +52,7 @@ def project_depths(
     options: ColorOptions,
     scratch: Scratch,
     progress: Progress | None = None,
-) -> Spill:
+) -> tuple[Spill, Survey]:
     """The same with depth images made before, so that whole views are made ahead."""
 
     def make(number: int) -> PhotoView | None:
@@ -70,23 +72,26 @@ def project_views(
     options: ColorOptions,
     scratch: Scratch,
     progress: Progress | None,
-) -> Spill:
-    """The samples of prepared views, `count` in all."""
-    spill = Spill(points.sizes, scratch)
+) -> tuple[Spill, Survey]:
+    """The samples of prepared views, `count` in all, and the survey of some points."""
+    spill, surveyor = Spill(points.sizes, scratch), Surveyor(points, count)
     for number, view in enumerate(views):
         if view is not None:
-            add_photo(spill, number, points, view, options)
+            sight = sight_of(
+                points.owners, view.camera, view.depth_camera, len(view.levels), options
+            )
+            surveyor.add(number, sight, view)
+            add_photo(spill, number, points, sight, view)
         del view  # before the next one is made
         if progress:
             progress(number + 1, count)
-    return spill
+    return spill, surveyor.survey()
 
 
 def add_photo(
-    spill: Spill, number: int, points: PointSource, view: PhotoView, options: ColorOptions
+    spill: Spill, number: int, points: PointSource, sight: Sight, view: PhotoView
 ) -> None:
     """Append what one photo says about every chunk of the points."""
-    sight = sight_of(points.owners, view.camera, view.depth_camera, len(view.levels), options)
 
     def one(chunk: int) -> None:
         samples = sample(points.chunk(chunk), sight, view)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.color.gains import Gains
+from texproj.color.photometry import Photometry
 
 
 def coverage(counts: list[NDArray[Any]], points: int) -> dict[str, Any]:
@@ -27,13 +27,13 @@ def coverage(counts: list[NDArray[Any]], points: int) -> dict[str, Any]:
     }
 
 
-def per_photo(gains: Gains, share: NDArray[np.float64]) -> list[dict[str, Any]]:
+def per_photo(light: Photometry, share: NDArray[np.float64]) -> list[dict[str, Any]]:
     """One entry per photo, in the order of the cameras.
 
     gain: factor on each channel of linear light; disagreement: median absolute log difference to
     the other photos after correction; share: part of the surface's color that comes from it.
     """
-    part = share / max(float(share.sum()), 1e-12)
+    part, gains = share / max(float(share.sum()), 1e-12), light.gains
     return [
         {
             "gain": [float(g) for g in gain],

@@ -43,6 +43,8 @@ def sample(chunk: Chunk, sight: Sight, view: PhotoView) -> Samples | None:
     """The photo's color at every point that it sees with a weight above zero; None if none."""
     weight = sight.weight.take(chunk.owner)
     facing = np.flatnonzero(weight)
+    if len(facing) == 0:
+        return None
     part = chunk
     if len(facing) < len(chunk):
         part, weight = chunk.take(facing), weight.take(facing)

@@ -15,9 +15,6 @@ from texproj.color.sample import WEIGHT_ONE, Samples
 from texproj.color.scratch import Scratch
 from texproj.color.view import WHITE
 
-SURVEYED_CHUNKS = 48
-"""Chunks that a survey reads."""
-
 
 @dataclass(frozen=True)
 class _Record:
@@ -69,16 +66,6 @@ class Spill:
             np.multiply(values[:3], np.float32(1 / WHITE), out=rgb[row])
             np.multiply(values[3], np.float32(1 / WEIGHT_ONE), out=weight[row])
         return Stack(np.array([record.photo for record in records], np.intp), rgb, weight)
-
-    def survey(self, points: int) -> list[Stack]:
-        """About `points` points, spread over a few dozen chunks that several photos see."""
-        used = [chunk for chunk, records in enumerate(self._records) if len(records) > 1]
-        chosen = used[:: max(1, len(used) // SURVEYED_CHUNKS)]
-        step = max(1, sum(self.sizes[chunk] for chunk in chosen) // points)
-        stacks = (self.read(chunk) for chunk in chosen)
-        return [
-            Stack(s.photos, s.rgb[:, :, ::step].copy(), s.weight[:, ::step].copy()) for s in stacks
-        ]
 
     def _load(self, record: _Record, points: int) -> NDArray[np.uint16]:
         """(n, 4) values of a record, 0 where unseen."""

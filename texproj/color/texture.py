@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from texproj.camera import Camera
 from texproj.color.atlas import Atlas
 from texproj.color.combine import Blend, blend
+from texproj.color.corrections import corrected, gains_of, grids_of
 from texproj.color.density import texels_per_unit
 from texproj.color.depths import Depths
-from texproj.color.gains import Gains, no_gains, solve_gains
 from texproj.color.memory import return_freed_memory
 from texproj.color.pages import fill_page
+from texproj.color.photometry import Photometry, solve_photometry
 from texproj.color.project import LoadPhoto, Progress, project_depths
 from texproj.color.quality import coverage, per_photo
 from texproj.color.result import Texture
@@ -56,18 +57,25 @@ def color_texture(
             depths = Depths.of(cameras, scene, options, scratch)
         atlas = unwrap(mesh, texels_per_unit(mesh, cameras, depths, options), unwrap_options)
         points = TexelPoints.of(mesh, atlas, scratch)
-        spill = project_depths(points, cameras, load_photo, depths, options, scratch, progress)
-        gains = solve_gains(spill, len(cameras)) if options.gains else no_gains(len(cameras))
-        pages, counts, share = bake(points, atlas, spill, gains, options)
+        spill, survey = project_depths(
+            points, cameras, load_photo, depths, options, scratch, progress
+        )
+        light = solve_photometry(survey, options)
+        pages, counts, share = bake(points, atlas, spill, cameras, light, options)
         fill_unseen(mesh, atlas, points, pages, counts)
         for number, page in enumerate(pages):
             fill_page(page, points.inside(number, page.shape))
-    quality = coverage(counts, sum(points.sizes)) | {"photos": per_photo(gains, share)}
+    quality = coverage(counts, sum(points.sizes)) | {"photos": per_photo(light, share)}
     return Texture(atlas, tuple(pages), tuple(counts), quality)
 
 
 def bake(
-    points: TexelPoints, atlas: Atlas, spill: Spill, gains: Gains, options: ColorOptions
+    points: TexelPoints,
+    atlas: Atlas,
+    spill: Spill,
+    cameras: Sequence[Camera],
+    light: Photometry,
+    options: ColorOptions,
 ) -> tuple[list[NDArray[Any]], list[NDArray[np.uint8]], NDArray[np.float64]]:
     """Blend the samples of all photos: pages, photo counts, and each photo's part of the colors in
     texels. What is unseen stays 0.
@@ -75,11 +83,12 @@ def bake(
     kind = np.uint8 if options.bits == 8 else np.uint16
     pages = [np.zeros((h, w, 3), kind) for w, h in atlas.page_sizes]
     counts = [np.zeros((h, w), np.uint8) for w, h in atlas.page_sizes]
-    share = np.zeros(len(gains.factor))
+    gains, grids = gains_of(light.corrections), grids_of(cameras, light.corrections)
+    share = np.zeros(len(gains))
 
     def one(number: int) -> None:
-        stack = spill.read(number)
-        result = blend(stack, gains.factor, options)
+        stack = corrected(spill.read(number), points, number, grids)
+        result = blend(stack, gains, options)
         page = points.tiles[number].page
         points.place(number, pages[page], encoded(result, options.bits))
         points.place(number, counts[page], np.minimum(result.photo_count, 255).astype(np.uint8))

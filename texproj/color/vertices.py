@@ -9,8 +9,9 @@ import numpy as np
 
 from texproj.camera import Camera
 from texproj.color.combine import blend
+from texproj.color.corrections import corrected, gains_of, grids_of
 from texproj.color.fill import fill_vertices
-from texproj.color.gains import no_gains, solve_gains
+from texproj.color.photometry import solve_photometry
 from texproj.color.points import VertexPoints
 from texproj.color.project import LoadPhoto, Progress, project_photos
 from texproj.color.quality import coverage, per_photo
@@ -41,14 +42,17 @@ def color_vertices(
     count = np.zeros(len(mesh.vertices), np.uint16)
     share = np.zeros(len(cameras))
     with renderer.load(mesh) as scene, closing(Scratch()) as scratch:
-        spill = project_photos(points, cameras, load_photo, scene, options, scratch, progress)
-        gains = solve_gains(spill, len(cameras)) if options.gains else no_gains(len(cameras))
+        spill, survey = project_photos(
+            points, cameras, load_photo, scene, options, scratch, progress
+        )
+        light = solve_photometry(survey, options)
+        gains, grids = gains_of(light.corrections), grids_of(cameras, light.corrections)
         for chunk in range(len(points.sizes)):
             part = points.rows(chunk)
-            stack = spill.read(chunk)
-            result = blend(stack, gains.factor, options)
+            stack = corrected(spill.read(chunk), points, chunk, grids)
+            result = blend(stack, gains, options)
             rgb[part], weight[part] = result.rgb, result.weight
             count[part] = result.photo_count
             share[stack.photos] += result.share
-    quality = coverage([count], len(count)) | {"photos": per_photo(gains, share)}
+    quality = coverage([count], len(count)) | {"photos": per_photo(light, share)}
     return VertexColors(fill_vertices(mesh, rgb, weight > 0), weight, count, quality)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from texproj.camera import Camera
 from texproj.color.points import Floats
-from texproj.photo import LINEAR_OF_SRGB8
+from texproj.photo import LINEAR_OF_SRGB8, PhotoInfo
 
 WHITE = 60000.0
 """The 16-bit value that stands for linear 1, with head-room for resampling and gains."""
@@ -32,7 +32,7 @@ class PhotoView:
     depth_camera: pinhole, covers the photo;
     depth: (h, w) float32 along the axis of the depth camera (inf = nothing there);
     trust: (h, w) float32 product of the silhouette's and the picture's factors, in the pixels of
-    the depth camera too; None = 1 everywhere.
+    the depth camera too; None = 1 everywhere; info: what the photo's header says.
     """
 
     camera: Camera
@@ -40,6 +40,7 @@ class PhotoView:
     depth: Floats
     levels: tuple[NDArray[Any], ...] = ()
     trust: Floats | None = None
+    info: PhotoInfo | None = None
 
     @cached_property
     def lens(self) -> Floats | None:
