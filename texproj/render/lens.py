@@ -9,7 +9,6 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import RectBivariateSpline
 
 from texproj.camera import Array, Camera, Intrinsics
 
@@ -136,6 +135,8 @@ def _spline(k: Intrinsics, x: Array, y: Array) -> Array | None:
     nodes = _undistorted(k, at_x, at_y)
     if not np.isfinite(nodes).all():
         return None
+    from scipy.interpolate import RectBivariateSpline  # noqa: PLC0415 - slow to load
+
     parts = [RectBivariateSpline(at_y, at_x, nodes[..., i])(y, x) for i in (0, 1)]
     grid = np.stack(parts, axis=-1)
     return grid if _spline_error_px(k, x, y, grid) < SPLINE_TOLERANCE_PX else None

@@ -6,11 +6,11 @@ until nothing changes; a description length says which of several such answers i
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from texproj.camera import Camera
 from texproj.solve.lm import LmFit, LmOptions, Loss, minimize
@@ -18,9 +18,9 @@ from texproj.solve.reprojection import Reprojection
 
 Array = NDArray[np.float64]
 
-INLIER_LIMIT = float(chi2.ppf(0.999, 2))
+INLIER_LIMIT = -2 * math.log(0.001)
 """Squared deviation, in its own standard deviations, beyond which a pair is an outlier: a good
-pair with Gaussian noise is lost once in a thousand."""
+pair with Gaussian noise is lost once in a thousand (chi-square, two degrees of freedom)."""
 
 NOISE_FREEDOM = 2.0
 """Weight of the nominal noise, in scalar residuals, against the noise that the residuals show."""

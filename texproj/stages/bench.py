@@ -6,6 +6,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from functools import cached_property
 from types import TracebackType
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +14,11 @@ from numpy.typing import NDArray
 from texproj.camera import Camera
 from texproj.mesh import Mesh, MeshSource
 from texproj.project import Project
-from texproj.register.features import Known
 from texproj.render import GBuffer, Renderer, Scene, ambient_occlusion, open_renderer
-from texproj.solve.features import Features, find_features
+
+if TYPE_CHECKING:
+    from texproj.register.features import Known
+    from texproj.solve.features import Features
 
 SURFACE_SAMPLES = 2000
 FEATURES_LONGEST = 1280
@@ -92,6 +95,8 @@ class Workbench:
 
     def features(self, name: str) -> Features:
         """The features of a photo, found at a reduced size, in full-size pixels."""
+        from texproj.solve.features import find_features  # noqa: PLC0415 - slow to load
+
         if name not in self._features:
             photo = self.project.load_photo(name, FEATURES_LONGEST)
             valid = None if photo.mask is None else photo.mask > 0
@@ -102,6 +107,8 @@ class Workbench:
 
     def known(self, name: str, camera: Camera) -> Known:
         """A registered photo as others are compared with it."""
+        from texproj.register.features import Known  # noqa: PLC0415 - slow to load
+
         small = camera.scaled(min(1.0, FEATURES_LONGEST / max(camera.width, camera.height)))
         depth = self.plain_scene.gbuffer(small, ("depth",)).depth
         assert depth is not None
