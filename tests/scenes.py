@@ -108,20 +108,43 @@ def matte_pair(
     return taken(scene, scan, PAIR[:photos], shots, long_side, seed)
 
 
+@dataclass(frozen=True)
+class Defects:
+    """What is wrong with the photos of `exposure_round`; each can be switched off."""
+
+    exposure: bool = True
+    vignetting: bool = True
+    visitor: bool = True
+    defocus: bool = True
+    highlight: bool = True
+
+
+NO_DEFECTS = Defects(False, False, False, False, False)
+
+
 @lru_cache(maxsize=2)
+def round_scene(kind: str = "stele", seed: int = 0) -> Scene:
+    """The glossy piece under a veiled sun of which `exposure_round` takes photos."""
+    return set_up(carved(piece(kind, seed), 120_000), painted(seed), HAZY, gloss=0.8)
+
+
+@lru_cache(maxsize=8)
 def exposure_round(
-    kind: str = "stele", seed: int = 0, faces: int = 40_000, long_side: int = 720
-) -> Synthetic:
+    kind: str = "stele", seed: int = 0, faces: int = 40_000, long_side: int = 720,
+    defects: Defects = Defects(),
+) -> Synthetic:  # fmt: skip
     """Seven photos of the front for color: exposure steps up to 1 EV either way, vignetting, a
     highlight in all, somebody in front in the third (index 2), the sixth (index 5) out of focus.
 
     True colors are averaged over 0.45 of a pixel, as good sampling of the photos would give them.
     """
-    steps = (0.0, -1.0, 0.0, 0.5, 1.0, 0.0, -0.5)
-    shots = [ShotOptions(sensor=Sensor(ev=ev), vignetting=0.35) for ev in steps]
-    shots[2] = replace(shots[2], visitor=True)
-    shots[5] = replace(shots[5], defocus_px=4.0)
-    truth, scan = carved(piece(kind, seed), 120_000), scan_of(kind, seed, faces)
-    scene = set_up(truth, painted(seed), HAZY, gloss=0.8)
+    steps = (0.0, -1.0, 0.0, 0.5, 1.0, 0.0, -0.5) if defects.exposure else (0.0,) * 7
+    loss = 0.35 if defects.vignetting else 0.0
+    shots = [ShotOptions(sensor=Sensor(ev=ev), vignetting=loss) for ev in steps]
+    shots[2] = replace(shots[2], visitor=defects.visitor)
+    shots[5] = replace(shots[5], defocus_px=4.0 if defects.defocus else 0.0)
+    scene, scan = round_scene(kind, seed), scan_of(kind, seed, faces)
+    if not defects.highlight:
+        scene = replace(scene, gloss=0.0)
     # A pixel of the 720 is 2.8 mm wide on the piece.
     return taken(scene, scan, ROUND, shots, long_side, seed, 0.45 * 0.0028 * 720 / long_side)

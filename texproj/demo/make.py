@@ -102,9 +102,15 @@ def true_colors(scene: Scene, scan: Mesh, footprint: float = 0.0) -> tuple[Float
     the surface around it is averaged, as a pixel averages (a square pixel does so with 0.29 of
     its width, bilinear sampling adds about as much).
     """
-    rng = np.random.default_rng([len(scan.vertices), 29])
-    normals = vertex_normals(scan).astype(np.float32)
     xyz = (scan.vertices - scene.origin).astype(np.float32)
+    return colors_on(scene, xyz, vertex_normals(scan).astype(np.float32), footprint)
+
+
+def colors_on(
+    scene: Scene, xyz: Floats, normals: Floats, footprint: float = 0.0
+) -> tuple[Floats, Floats]:
+    """The same at any (n, 3) points of the local frame near the surface, with (n, 3) normals."""
+    rng = np.random.default_rng([len(xyz), 29])
     parts = []
     for _ in range(FOOTPRINT_SAMPLES if footprint else 1):
         aside = rng.standard_normal(xyz.shape, np.float32) * np.float32(footprint)
