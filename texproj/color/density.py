@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from texproj.color.depths import Depths
 from texproj.color.points import Chunk, Owners
 from texproj.color.sample import project
 from texproj.color.sight import facing, resolution, sight_of
+from texproj.color.threads import in_parallel
 from texproj.color.view import PhotoView
 from texproj.mesh import Mesh, face_areas, face_normals
 from texproj.options import ColorOptions
@@ -30,9 +32,11 @@ def texels_per_unit(
     """(F,) texels per mesh unit: pixels of the photo that resolves the face best, times
     `options.texels_per_pixel`.
     """
-    faces = _faces(mesh)
+    faces, lock = _faces(mesh), Lock()
     best = np.zeros(len(mesh.faces))
-    for number, camera in enumerate(cameras):
+
+    def one(number: int) -> None:
+        camera = cameras[number]
         depth_camera, depth = depths.read(number)
         view = PhotoView(camera, depth_camera, depth)
         sight = sight_of(faces, camera, depth_camera, 1, options)
@@ -40,7 +44,10 @@ def texels_per_unit(
         better = np.flatnonzero(np.where(sight.weight > 0, pixels, 0) > best).astype(np.int32)
         weight = sight.weight.take(better)
         project(Chunk(faces.center.take(better, axis=0), better), weight, sight, view)
-        best[better] = np.where(weight > 0, pixels[better], best[better])
+        with lock:
+            best[better] = np.maximum(best[better], np.where(weight > 0, pixels[better], 0))
+
+    in_parallel(one, range(len(cameras)))
     seen = best > 0
     if not seen.any():
         return np.ones(len(best))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,7 +32,26 @@ PEELS = 6  # rounds in which overlaps are peeled from their borders before a cha
 MOST_ROUNDS = 40  # then every face left becomes a chart
 
 
-def flatten(mesh: Mesh, density: Floats, options: UnwrapOptions) -> tuple[Charts, int]:
+@dataclass(frozen=True, eq=False)
+class Regions:
+    """Nearly flat pieces of a surface, the first guess at its charts.
+
+    graph: of all faces; labels: (F,) connected regions.
+    """
+
+    graph: DualGraph
+    labels: Ints
+
+    @classmethod
+    def of(cls, mesh: Mesh, options: UnwrapOptions) -> Regions:
+        """The regions of the whole mesh."""
+        graph = dual_graph(mesh)
+        return cls(graph, _regions(mesh, graph, options))
+
+
+def flatten(
+    mesh: Mesh, regions: Regions, density: Floats, options: UnwrapOptions
+) -> tuple[Charts, int]:
     """Charts of all faces, in mesh units, and how many had to be cut for overlaps.
 
     density: (F,) texels per mesh unit: overlaps are looked for in steps of half a texel.
@@ -38,8 +59,7 @@ def flatten(mesh: Mesh, density: Floats, options: UnwrapOptions) -> tuple[Charts
     their neighbors; what is still folded, steeper than options.steepest_deg or covered twice is
     cut off and forms regions among itself.
     """
-    graph = dual_graph(mesh)
-    labels = _regions(mesh, graph, options)
+    graph, labels = regions.graph, regions.labels
     area = face_areas(mesh)
     faces = np.arange(len(mesh.faces))
     finished, overlaps = [], 0

@@ -12,7 +12,7 @@ from texproj.camera import Camera
 from texproj.color.atlas import Atlas, AtlasStats
 from texproj.color.charts import Charts, extents, join, upright
 from texproj.color.distortion import flat_areas, stretch, weighted_quantiles
-from texproj.color.flatten import flatten
+from texproj.color.flatten import Regions, flatten
 from texproj.color.layers import doubled
 from texproj.color.packing import Placement, pack
 from texproj.color.patch_labels import Labels
@@ -140,7 +140,7 @@ def _flat(mesh: Mesh, faces: Ints, density: NDArray[np.float32], options: Unwrap
     typical = float(np.median(known)) if len(known) else 256 / max(mesh.diagonal, 1e-300)
     wanted = np.where(density > 0, density, UNSEEN * typical)[faces].astype(np.float64)
     rest = Mesh(mesh.vertices, mesh.faces[faces])
-    flat, _ = flatten(rest, wanted, options)
+    flat, _ = flatten(rest, Regions.of(rest, options), wanted, options)
     texels = np.bincount(flat.chart_of_face, face_areas(rest) * wanted**2, flat.count)
     area = np.bincount(flat.chart_of_face, flat_areas(flat.uv, flat.faces), flat.count)
     scale = np.sqrt(texels / np.maximum(area, 1e-300))

@@ -29,7 +29,7 @@ from texproj.color.patch_views import FacePoints, FaceViews, face_views, survey_
 from texproj.color.photometry import solve_photometry
 from texproj.color.points import Floats
 from texproj.color.prepare import view_of
-from texproj.color.project import LoadPhoto, Progress, project_depths
+from texproj.color.project import LoadPhoto, Progress, project_views, views_ahead
 from texproj.color.result import Texture
 from texproj.color.sample import Samples, sample
 from texproj.color.scratch import Scratch
@@ -80,9 +80,8 @@ def color_patches(
             depths = Depths.of(cameras, scene, survey, scratch)
         points = FacePoints.of(mesh)
         shots = _Shots(cameras, load_photo, depths, settings.color)
-        spill, evidence = project_depths(
-            points, cameras, load_photo, depths, survey, scratch, steps.first
-        )
+        shown = views_ahead(cameras, load_photo, depths, survey)
+        spill, evidence = project_views(points, shown, len(cameras), survey, scratch, steps.first)
         gains = solve_photometry(evidence, settings.color).gains
         views = face_views(points, cameras, spill, gains, settings.color, patch)
         labels = _labels(mesh, views, dual_graph(mesh), patch)

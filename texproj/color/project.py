@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from texproj.camera import Camera
 from texproj.color.depths import Depths
@@ -19,7 +19,7 @@ from texproj.options import ColorOptions
 from texproj.photo import Photo
 from texproj.render import Scene
 
-__all__ = ["LoadPhoto", "Progress", "add_photo", "in_parallel", "project_depths", "project_photos"]
+__all__ = ["LoadPhoto", "Progress", "add_photo", "project_photos", "project_views", "views_ahead"]
 
 LoadPhoto = Callable[[int], Photo | None]
 Progress = Callable[[int, int], None]
@@ -44,16 +44,10 @@ def project_photos(
     return project_views(points, views, len(cameras), options, scratch, progress)
 
 
-def project_depths(
-    points: PointSource,
-    cameras: Sequence[Camera],
-    load_photo: LoadPhoto,
-    depths: Depths,
-    options: ColorOptions,
-    scratch: Scratch,
-    progress: Progress | None = None,
-) -> tuple[Spill, Survey]:
-    """The same with depth images made before, so that whole views are made ahead."""
+def views_ahead(
+    cameras: Sequence[Camera], load_photo: LoadPhoto, depths: Depths, options: ColorOptions
+) -> Iterator[PhotoView | None]:
+    """The view of each photo, one of them ahead of time; None where a photo loads as None."""
 
     def make(number: int) -> PhotoView | None:
         photo = load_photo(number)
@@ -61,8 +55,7 @@ def project_depths(
             return None
         return view_of(photo, cameras[number], *depths.read(number), options)
 
-    views = ahead(make, len(cameras))
-    return project_views(points, views, len(cameras), options, scratch, progress)
+    return ahead(make, len(cameras))
 
 
 def project_views(
@@ -71,7 +64,7 @@ def project_views(
     count: int,
     options: ColorOptions,
     scratch: Scratch,
-    progress: Progress | None,
+    progress: Progress | None = None,
 ) -> tuple[Spill, Survey]:
     """The samples of prepared views, `count` in all, and the survey of some points."""
     spill, surveyor = Spill(points.sizes, scratch), Surveyor(points, count)

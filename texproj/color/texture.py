@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from typing import Any
 
@@ -15,10 +16,11 @@ from texproj.color.combine import Blend, blend
 from texproj.color.corrections import corrected, gains_of, grids_of
 from texproj.color.density import texels_per_unit
 from texproj.color.depths import Depths
+from texproj.color.flatten import Regions
 from texproj.color.memory import return_freed_memory
 from texproj.color.pages import fill_page
 from texproj.color.photometry import Photometry, solve_photometry
-from texproj.color.project import LoadPhoto, Progress, project_depths
+from texproj.color.project import LoadPhoto, Progress, project_views, views_ahead
 from texproj.color.quality import coverage, per_photo
 from texproj.color.result import Texture
 from texproj.color.scratch import Scratch
@@ -50,16 +52,18 @@ def color_texture(
     cameras: of the full-size photos; load_photo: decodes the photo of a number in `cameras`, is
     called once per photo; progress: called with photos done and photos in all.
     """
-    options = options or ColorOptions()
+    options, unwrap_options = options or ColorOptions(), unwrap_options or UnwrapOptions()
     return_freed_memory()
     with closing(Scratch()) as scratch:
-        with renderer.load(mesh) as scene:
-            depths = Depths.of(cameras, scene, options, scratch)
-        atlas = unwrap(mesh, texels_per_unit(mesh, cameras, depths, options), unwrap_options)
+        with ThreadPoolExecutor(1) as beside:
+            regions = beside.submit(Regions.of, mesh, unwrap_options)
+            with renderer.load(mesh) as scene:
+                depths = Depths.of(cameras, scene, options, scratch)
+            density = texels_per_unit(mesh, cameras, depths, options)
+        views = views_ahead(cameras, load_photo, depths, options)
+        atlas = unwrap(mesh, density, unwrap_options, regions.result())
         points = TexelPoints.of(mesh, atlas, scratch)
-        spill, survey = project_depths(
-            points, cameras, load_photo, depths, options, scratch, progress
-        )
+        spill, survey = project_views(points, views, len(cameras), options, scratch, progress)
         light = solve_photometry(survey, options)
         pages, counts, share = bake(points, atlas, spill, cameras, light, options)
         fill_unseen(mesh, atlas, points, pages, counts)

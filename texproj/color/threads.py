@@ -18,13 +18,21 @@ def in_parallel(work: Callable[[int], None], numbers: Iterable[int]) -> None:
 
 
 def ahead(make: Callable[[int], T], count: int) -> Iterator[T]:
-    """make(0), make(1), ...; one is made in a thread while the one before is used."""
-    with ThreadPoolExecutor(1) as pool:
-        following = pool.submit(make, 0) if count else None
-        for number in range(count):
-            assert following is not None
-            made = following.result()
-            if number + 1 < count:
-                following = pool.submit(make, number + 1)
-            yield made
-            del made
+    """make(0), make(1), ...; one is made in a thread while the one before is used, the first from
+    now on.
+    """
+    pool = ThreadPoolExecutor(1)
+    first = pool.submit(make, 0) if count else None
+
+    def each() -> Iterator[T]:
+        following = first
+        with pool:
+            for number in range(count):
+                assert following is not None
+                made = following.result()
+                if number + 1 < count:
+                    following = pool.submit(make, number + 1)
+                yield made
+                del made
+
+    return each()

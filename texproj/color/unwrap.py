@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from texproj.color.atlas import Atlas, AtlasStats
 from texproj.color.charts import Charts, extents, select, upright
 from texproj.color.distortion import flat_areas, stretch, weighted_quantiles
-from texproj.color.flatten import flatten
+from texproj.color.flatten import Regions, flatten
 from texproj.color.packing import Placement, pack
 from texproj.color.segmentation import Floats, dual_graph
 from texproj.errors import InputError
@@ -22,9 +22,15 @@ TILE_SHARE = 0.8  # of a page for each part of a chart that is longer than a pag
 SMALLEST_CHART_PX = 2.0  # so that every chart holds a texel center
 
 
-def unwrap(mesh: Mesh, texels_per_unit: ArrayLike, options: UnwrapOptions | None = None) -> Atlas:
+def unwrap(
+    mesh: Mesh,
+    texels_per_unit: ArrayLike,
+    options: UnwrapOptions | None = None,
+    regions: Regions | None = None,
+) -> Atlas:
     """An atlas of the whole mesh.
 
+    regions: those of the mesh by the same options, if they are at hand.
     texels_per_unit: texels per mesh unit on the surface, > 0, one number or one for each face
     (F,); each chart gets the root of the area-weighted mean square of its faces. Where the
     pages are too few or too small, all charts shrink alike: stats.scale says how much.
@@ -34,7 +40,8 @@ def unwrap(mesh: Mesh, texels_per_unit: ArrayLike, options: UnwrapOptions | None
     if not face_areas(mesh).sum() > 0:
         raise InputError("The mesh has no faces with an area: give a mesh with a surface.")
     density = np.broadcast_to(np.asarray(texels_per_unit, np.float64), len(mesh.faces))
-    flat, overlaps = flatten(mesh, density, options)
+    regions = regions or Regions.of(mesh, options)
+    flat, overlaps = flatten(mesh, regions, density, options)
     charts = _at_density(mesh, upright(flat), density)
     charts, scale, placement = _fit(mesh, charts, options)
     stats = _stats(mesh, charts, placement, scale, overlaps)
