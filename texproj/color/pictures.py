@@ -49,9 +49,9 @@ def picture_factors(
 def border_factor(height: int, width: int, feather_px: float) -> Floats:
     """Smooth ramp from the picture's edge inwards."""
     x, y = np.arange(width) + 0.5, np.arange(height) + 0.5
-    return smooth_ramp(
-        np.minimum(np.minimum(x, width - x)[None], np.minimum(y, height - y)[:, None]), feather_px
-    )
+    across = smooth_ramp(np.minimum(x, width - x), feather_px)
+    down = smooth_ramp(np.minimum(y, height - y), feather_px)
+    return np.minimum(across, down[:, None])
 
 
 def mask_factor(mask: NDArray[np.uint8], shape: tuple[int, ...], feather_px: float) -> Floats:
@@ -64,9 +64,13 @@ def mask_factor(mask: NDArray[np.uint8], shape: tuple[int, ...], feather_px: flo
 
 def exposure_factor(small: NDArray[np.uint16], white: float, clipped: float) -> Floats:
     """`clipped` where a channel is at white, 1 below `CLIPPED`, a ramp between."""
-    brightest = small.max(axis=2).astype(np.float32) * np.float32(1 / white)
-    over = np.clip((brightest - np.float32(CLIPPED)) / np.float32(0.99 - CLIPPED), 0, 1)
-    return 1 - over * np.float32(1 - clipped)
+    red, green, blue = cv2.split(small)
+    brightest = cv2.max(cv2.max(red, green), blue)
+    out = np.ones(brightest.shape, np.float32)
+    near = brightest > CLIPPED * white
+    over = (brightest[near] * np.float32(1 / white) - CLIPPED) / (0.99 - CLIPPED)
+    out[near] -= np.minimum(over, 1) * np.float32(1 - clipped)
+    return out
 
 
 def silhouette_factor(depth: Floats, focal_px: float, feather_px: float) -> Floats:
@@ -86,5 +90,9 @@ def silhouette_factor(depth: Floats, focal_px: float, feather_px: float) -> Floa
 
 def smooth_ramp(distance: NDArray[np.floating], length: float) -> Floats:
     """Smooth 0..1 over `length`, never under `FLOOR`."""
-    t = np.clip(distance / np.float32(max(length, 1e-3)), 0, 1).astype(np.float32)
-    return np.maximum(t * t * (3 - 2 * t), FLOOR)
+    t = np.multiply(distance, 1 / max(length, 1e-3), dtype=np.float32)
+    np.clip(t, 0, 1, out=t)
+    out = np.float32(3) - np.float32(2) * t
+    out *= t
+    out *= t
+    return np.maximum(out, FLOOR, out=out)
