@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.color.threads import in_parallel
+
 STRIP = 128
 """Rows of the full-size page that are worked on at once; even."""
 
@@ -21,12 +23,19 @@ def fill_page(page: NDArray[Any], known: NDArray[np.bool_]) -> None:
     if known.all() or not known.any():
         return
     half = _filled(*_halved(page, known))
-    for top in range(0, len(page), STRIP):
-        rows = slice(top, min(top + STRIP, len(page)))
+
+    def one(number: int) -> None:
+        rows = _strip(number, len(page))
         smooth = _enlarged(half, rows, page.shape)
         if page.dtype.kind == "u":
             smooth = np.round(smooth).astype(page.dtype)
         np.copyto(page[rows], smooth, where=~known[rows][..., None])
+
+    in_parallel(one, range(-(-len(page) // STRIP)))
+
+
+def _strip(number: int, height: int) -> slice:
+    return slice(number * STRIP, min((number + 1) * STRIP, height))
 
 
 def _halved(page: NDArray[Any], known: NDArray[np.bool_]) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -34,12 +43,15 @@ def _halved(page: NDArray[Any], known: NDArray[np.bool_]) -> tuple[NDArray[Any],
     height, width = page.shape[:2]
     out = np.empty((-(-height // 2), -(-width // 2), 3), np.float32)
     weight = np.empty(out.shape[:2], np.float32)
-    for top in range(0, height, STRIP):
-        rows = slice(top, min(top + STRIP, height))
-        small = slice(top // 2, top // 2 + -(-(rows.stop - rows.start) // 2))
+
+    def one(number: int) -> None:
+        rows = _strip(number, height)
+        small = slice(rows.start // 2, -(-rows.stop // 2))
         out[small], weight[small] = _reduced(
             page[rows].astype(np.float32), known[rows].astype(np.float32)
         )
+
+    in_parallel(one, range(-(-height // STRIP)))
     return out, weight
 
 
