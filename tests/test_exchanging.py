@@ -17,8 +17,9 @@ from texproj.formats.interchange import READERS, WRITERS, Shot, upright
 from texproj.project import Project
 from texproj.records import CameraRecord
 from texproj.stages.bench import Workbench
+from texproj.stages.entries import start_of
 from texproj.stages.exchanging import export_cameras, import_cameras
-from texproj.stages.registering import registration_freshness, start_of
+from texproj.stages.registering import registration_freshness
 
 WIDTH, HEIGHT = 80, 60
 NAMES = ("one.jpg", "Two.JPG", "three.png")

@@ -8,7 +8,7 @@ import pytest
 
 from texproj.cli import main
 from texproj.project import Project
-from texproj.stages.registering import start_of
+from texproj.stages.entries import start_of
 
 
 @pytest.fixture(scope="module")

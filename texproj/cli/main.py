@@ -52,4 +52,3 @@ def _refuse(words: list[str], sentence: str) -> int:
 
 def _command(words: list[str]) -> str:
     return f"{words[0]} " if words and not words[0].startswith("-") else ""
-

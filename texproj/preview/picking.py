@@ -21,7 +21,7 @@ from texproj.project import Project
 from texproj.register.points import register_points
 from texproj.solve.matching import match_patches
 from texproj.solve.orientation import photo_field, render_field
-from texproj.stages.registering import start_of
+from texproj.stages.entries import start_of
 
 MATCH_LONGEST = 1600
 """Longer side in pixels to which a photo is reduced before a match is sought."""

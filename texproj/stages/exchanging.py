@@ -28,7 +28,7 @@ from texproj.photo import PhotoInfo
 from texproj.project import Project
 from texproj.records import CameraRecord
 from texproj.stages.bench import Workbench
-from texproj.stages.registering import BEFORE_KEY, START_KEY
+from texproj.stages.entries import BEFORE_KEY, START_KEY
 
 ImportStatus = Literal["registered", "prior"]
 

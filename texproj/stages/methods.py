@@ -18,6 +18,7 @@ from texproj.register.mutual_information import register_mutual_information
 from texproj.register.points import register_points
 from texproj.register.structure import register_structure
 from texproj.stages.bench import Workbench
+from texproj.stages.entries import THROUGH
 
 REGISTRATION_LONGEST = 1024
 """Longer side, pixels, to which photos are reduced for matching."""
@@ -155,12 +156,15 @@ def _by_features(
 ) -> Fit:
     if not neighbors:
         raise RegistrationError(NOTHING_TO_START_FROM)
-    known = [k for n in list(neighbors)[:MOST_COMPARED] if (k := _known(bench, n, neighbors[n]))]
+    found = {n: _known(bench, n, neighbors[n]) for n in list(neighbors)[:MOST_COMPARED]}
+    known = {n: k for n, k in found.items() if k is not None}
     info = bench.project.photo_info(name)
     features = bench.features(name)
     prior = start.intrinsics if start is not None else None
     options = bench.project.settings.options("points")
-    return register_features(info, features, known, prior, options, bench.surface_sample)
+    near = list(known.values())
+    fit = register_features(info, features, near, prior, options, bench.surface_sample)
+    return replace(fit, quality={**fit.quality, THROUGH: list(known)})
 
 
 def _known(bench: Workbench, name: str, camera: Camera) -> Known | None:

@@ -11,16 +11,23 @@ import numpy as np
 from texproj.camera import Camera
 from texproj.errors import InputError
 from texproj.files import json_hash
-from texproj.formats.cameras import entry_of_record, record_of_entry
+from texproj.formats.cameras import entry_of_record
 from texproj.photo import Photo
 from texproj.project import Project
 from texproj.records import CameraRecord
 from texproj.register.refine import Refined, refine
 from texproj.render import GBuffer
 from texproj.stages.bench import Workbench
+from texproj.stages.entries import (
+    BEFORE_KEY,
+    START_KEY,
+    is_refined,
+    own_registration,
+    refined_entry,
+    start_of,
+)
 from texproj.stages.freshness import Freshness, Inputs, changed_inputs, file_inputs, options_inputs
 from texproj.stages.progress import Progress, silent
-from texproj.stages.registering import BEFORE_KEY, START_KEY, start_of
 
 STAGE = "refine"
 VERSION = 1
@@ -35,11 +42,13 @@ GLANCE_PX = 64
 @dataclass(frozen=True, eq=False)
 class RefineOutcome:
     """moved_px: how far the surface moved in each photo, full-size pixels; thrown_out: photos
-    that contradict the others, and why; kept: nothing had changed, so nothing was done.
+    that contradict the others, and why; alone: photos that share too little surface with others
+    to be compared, their cameras are as they were; kept: nothing had changed, so nothing was done.
     """
 
     moved_px: dict[str, float]
     thrown_out: dict[str, str]
+    alone: tuple[str, ...]
     quality: dict[str, Any]
     kept: bool
 
@@ -55,7 +64,7 @@ def refine_project(
     project = bench.project
     known = project.load_record(STAGE)
     if known is not None and refine_freshness(project, hold_imported).fresh:
-        return RefineOutcome(known["moved_px"], known["thrown_out"], known["quality"], True)
+        return _known_outcome(known)
     entries = project.load_cameras()
     before = {n: r for n, e in entries.items() if (r := _usable(project, n, e)) is not None}
     if len(before) < 2:
@@ -64,9 +73,10 @@ def refine_project(
     names = list(before)
     fixed = [hold_imported and START_KEY not in entries[n].extra for n in names]
     refined = _refine(bench, before, fixed)
-    after = _records(names, before, refined, fixed)
+    asked = not project.settings.options("refine").enabled
+    after = _records(names, before, refined, fixed, asked)
     project.save_cameras(after)
-    outcome = _outcome(names, refined)
+    outcome = _outcome(names, refined, fixed)
     held = {HELD: str(hold_imported)}
     project.save_record(STAGE, None, _record(project, before, after, outcome, held))
     project.save_hashes()
@@ -86,13 +96,32 @@ def refine_freshness(project: Project, hold_imported: bool) -> Freshness:
     return Freshness(STAGE, "all photos", not reason, reason)
 
 
+def unrefined(project: Project) -> list[CameraRecord]:
+    """The own registrations of photos that were refined while the settings had it on, though they
+    have it switched off now. What somebody has refined on request since then is not among them.
+    """
+    if project.settings.options("refine").enabled:
+        return []
+    entries = project.load_cameras().values()
+    refined = [entry for entry in entries if is_refined(entry)]
+    return [own_registration(e) for e in refined if not e.extra[BEFORE_KEY].get("asked")]
+
+
+def undo_refinement(project: Project) -> tuple[str, ...]:
+    """Where refinement is switched off now: go back to each photo's own registration in
+    cameras.json; the names of these photos. Cameras that somebody has edited since then stay.
+    """
+    records = unrefined(project)
+    if records:
+        project.save_cameras(records)
+    return tuple(record.file for record in records)
+
+
 def _usable(project: Project, name: str, entry: CameraRecord) -> CameraRecord | None:
     """The entry as registration left it; None if it cannot take part."""
     if name not in project.photo_paths:
         return None
-    kept = entry.extra.get(BEFORE_KEY)
-    if kept is not None and kept["refined"] == _camera_hash(entry):
-        entry = record_of_entry(kept["entry"], f"{name}: {BEFORE_KEY}")
+    entry = own_registration(entry)
     if entry.registered_camera is None:
         return None
     try:
@@ -141,13 +170,16 @@ def _expected_error_px(record: CameraRecord) -> float:
 
 
 def _records(
-    names: list[str], before: Mapping[str, CameraRecord], refined: Refined, fixed: list[bool]
+    names: list[str],
+    before: Mapping[str, CameraRecord],
+    refined: Refined,
+    fixed: list[bool],
+    asked: bool,
 ) -> list[CameraRecord]:
     """The new entries: moved, thrown out, or as they were where nothing could be said."""
     out = []
     for k, name in enumerate(names):
         record = before[name]
-        own = entry_of_record(record)
         if k in refined.thrown_out:
             quality = {**record.quality, "reason": refined.thrown_out[k]}
             record = replace(record, pose=None, status="failed", quality=quality)
@@ -162,20 +194,27 @@ def _records(
                 record, intrinsics=camera.intrinsics, pose=camera.pose, quality=quality
             )
         if record is not before[name]:
-            kept = {"entry": own, "refined": _camera_hash(record)}
-            record = replace(record, extra={**record.extra, BEFORE_KEY: kept})
+            record = refined_entry(record, before[name], asked)
         out.append(record)
     return out
 
 
-def _outcome(names: list[str], refined: Refined) -> RefineOutcome:
+def _outcome(names: list[str], refined: Refined, fixed: list[bool]) -> RefineOutcome:
     moved = {
         names[k]: round(float(refined.motion_px[k]), 3)
         for k in refined.tied
-        if np.isfinite(refined.motion_px[k])
+        if not fixed[k] and np.isfinite(refined.motion_px[k])
     }
     thrown_out = {names[k]: reason for k, reason in refined.thrown_out.items()}
-    return RefineOutcome(moved, thrown_out, refined.quality, False)
+    apart = set(range(len(names))) - set(refined.tied) - set(refined.thrown_out)
+    alone = tuple(names[k] for k in sorted(apart))
+    return RefineOutcome(moved, thrown_out, alone, refined.quality, False)
+
+
+def _known_outcome(record: Mapping[str, Any]) -> RefineOutcome:
+    """What the last refinement did."""
+    alone = tuple(record.get("alone", ()))
+    return RefineOutcome(record["moved_px"], record["thrown_out"], alone, record["quality"], True)
 
 
 def _record(
@@ -190,6 +229,7 @@ def _record(
         "after": {entry.file: json_hash(entry_of_record(entry)) for entry in after},
         "moved_px": outcome.moved_px,
         "thrown_out": outcome.thrown_out,
+        "alone": outcome.alone,
         "quality": outcome.quality,
     }
     return {"inputs": {**_inputs(project, record), **held}, **record}
@@ -209,12 +249,6 @@ def _inputs(project: Project, record: Mapping[str, Any]) -> Inputs:
 
 def _hash(entry: CameraRecord | None) -> str:
     return json_hash(entry_of_record(entry)) if entry is not None else "none"
-
-
-def _camera_hash(entry: CameraRecord) -> str:
-    """Hash of the camera alone, so that a later edit of it by hand shows."""
-    written = entry_of_record(entry)
-    return json_hash([written.get(key) for key in ("K", "dist", "R", "t", "status")])
 
 
 def _registration(entry: CameraRecord, name: str, record: Mapping[str, Any]) -> str:

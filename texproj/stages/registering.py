@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from texproj.camera import Camera, Intrinsics
+from texproj.camera import Intrinsics
 from texproj.errors import InputError, RegistrationError, TexprojError
 from texproj.files import json_hash
-from texproj.formats.cameras import entry_of_record, record_of_entry
+from texproj.formats.cameras import entry_of_record
 from texproj.project import Project
 from texproj.records import CameraRecord, Fit, Method
 from texproj.stages.bench import Workbench
+from texproj.stages.entries import (
+    BEFORE_KEY,
+    START_KEY,
+    Entries,
+    camera_hash,
+    foreign,
+    found_through,
+    in_order,
+    own_registration,
+    resting_on,
+    start_of,
+)
 from texproj.stages.freshness import (
     Freshness,
     Inputs,
@@ -32,11 +44,6 @@ SECTIONS = ("register", "points", "structure", "mutual-information", "silhouette
 UNUSABLE = "unusable_input"
 """Key of an entry's quality: a file of the photo cannot be read, so nothing else is tried."""
 OTHERS = "other registered photos"
-BEFORE_KEY = "before_refine"
-"""Key of an entry under which the photo's own registration is kept when all were refined."""
-OWN_KEYS = ("start", BEFORE_KEY)
-START_KEY = "start"
-"""Key of a cameras.json entry under which the camera is kept that registration started from."""
 
 Find = Callable[[Workbench, str, CameraRecord | None, Neighbors], Fit]
 
@@ -72,17 +79,22 @@ def register_photos(
     entries = project.load_cameras()
     chosen = list(names) if names is not None else project.photo_names
     outcomes: dict[str, PhotoOutcome] = {}
-    able = [n for n in chosen if has_means(project, n, start_of(entries.get(n)))]
     auto = project.settings.options("register").method == "auto"
+    able = [n for n in chosen if not auto or has_means(project, n, start_of(entries.get(n)))]
+    waiting = _shaken(project, chosen, entries)
 
     def attend(name: str, find: Find) -> None:
         progress(STAGE, min(len(outcomes), len(chosen) - 1), len(chosen), name)
-        outcomes[name] = _register_one(bench, name, entries, find)
+        outcomes[name] = _register_one(bench, name, entries, find, waiting - {*outcomes})
         entries[name] = outcomes[name].record
 
-    for name in able if auto else chosen:
-        attend(name, find_camera)
-    for name in chosen:
+    for name in able:
+        if not found_through(entries.get(name)):
+            attend(name, find_camera)
+    waiting = _shaken(project, chosen, entries)
+    for name in in_order(chosen, entries):
+        if name in able and name not in outcomes:
+            attend(name, find_camera)
         if name not in outcomes:
             attend(name, find_by_others)
         elif auto and outcomes[name].may_be_helped:
@@ -95,23 +107,33 @@ def register_photos(
 def registration_freshness(project: Project) -> list[Freshness]:
     """For each photo, whether its registration is up to date."""
     entries = project.load_cameras()
-    return [_freshness(project, name, entries) for name in project.photo_names]
+    shaken = _shaken(project, project.photo_names, entries)
+    states = [_freshness(project, name, entries) for name in project.photo_names]
+    return [_after_others(s, entries, shaken) if s.fresh else s for s in states]
 
 
-def start_of(entry: CameraRecord | None) -> CameraRecord | None:
-    """The camera that the registration of an entry starts from: what was there before it."""
-    if entry is None or START_KEY not in entry.extra:
-        return entry
-    if entry.status == "prior":  # somebody has put a camera in place of a failure
-        return replace(entry, extra=_foreign(entry))
-    start = entry.extra[START_KEY]
-    if start is None:
-        return None
-    return record_of_entry({"file": entry.file, **start}, f"{entry.file}: {START_KEY}")
+def _after_others(state: Freshness, entries: Entries, shaken: set[str]) -> Freshness:
+    """A fresh photo's state, in view of those through which it was found."""
+    if state.item not in shaken:
+        return state
+    told = ", ".join(found_through(entries[state.item]))
+    return replace(state, fresh=False, reason=f"found through {told}, which are not all fresh")
+
+
+def _shaken(project: Project, names: Sequence[str], entries: Entries) -> set[str]:
+    """Of `names`, what was found through other photos and does not hold any more, since it is
+    stale or one of those is.
+    """
+    stale: dict[str, bool] = {}
+    for name in in_order(names, entries):
+        through = found_through(entries.get(name))
+        stale[name] = any(stale.get(n) for n in through)
+        stale[name] = stale[name] or not _freshness(project, name, entries).fresh
+    return {name for name in stale if stale[name] and found_through(entries.get(name))}
 
 
 def _register_one(
-    bench: Workbench, name: str, entries: Mapping[str, CameraRecord], find: Find
+    bench: Workbench, name: str, entries: Entries, find: Find, waiting: set[str]
 ) -> PhotoOutcome:
     project = bench.project
     entry = entries.get(name)
@@ -119,9 +141,10 @@ def _register_one(
     if entry is not None and state.fresh:
         return PhotoOutcome(name, entry, True, entry.quality.get("reason", "") or state.reason)
     start = start_of(entry)
-    record = _attempt(find, bench, name, start, _neighbors(project, name, entries))
+    neighbors = _neighbors(project, name, entries, waiting)
+    record = _attempt(find, bench, name, start, neighbors)
     if entry is not None:
-        record = replace(record, extra={**_foreign(entry), **record.extra})
+        record = replace(record, extra={**foreign(entry), **record.extra})
     project.save_cameras([record])
     inputs = _inputs(project, name, {**entries, name: record})
     if find is find_camera and OTHERS in inputs:
@@ -130,7 +153,7 @@ def _register_one(
     return PhotoOutcome(name, record, False, record.quality.get("reason", ""))
 
 
-def _freshness(project: Project, name: str, entries: Mapping[str, CameraRecord]) -> Freshness:
+def _freshness(project: Project, name: str, entries: Entries) -> Freshness:
     entry = entries.get(name)
     if entry is None:
         return Freshness(STAGE, name, False, "not registered yet")
@@ -143,20 +166,18 @@ def _freshness(project: Project, name: str, entries: Mapping[str, CameraRecord])
     return Freshness(STAGE, name, not reason, reason)
 
 
-def _foreign(entry: CameraRecord) -> dict[str, Any]:
-    """What others have written into an entry."""
-    return {key: value for key, value in entry.extra.items() if key not in OWN_KEYS}
+def _neighbors(project: Project, name: str, entries: Entries, waiting: set[str]) -> Neighbors:
+    """Registered cameras of other photos, those next in the order of names first.
 
-
-def _neighbors(
-    project: Project, name: str, entries: Mapping[str, CameraRecord]
-) -> dict[str, Camera]:
-    """Registered cameras of other photos, those next in the order of names first."""
-    order = sorted({name, *entries})
-    present = [n for n in entries if n in project.photo_paths]
-    others = sorted(present, key=lambda n: abs(order.index(n) - order.index(name)))
-    found = {n: entries[n].registered_camera for n in others if n != name}
-    return {n: c for n, c in list(found.items()) if c is not None}
+    Photos that wait to be registered again, or that were found through `name` themselves, prove
+    nothing.
+    """
+    rank = {n: k for k, n in enumerate(sorted({name, *entries}))}
+    apart = waiting | resting_on(name, entries) | {name}
+    present = [n for n in entries if n in project.photo_paths and n not in apart]
+    others = sorted(present, key=lambda n: abs(rank[n] - rank[name]))
+    found = {n: entries[n].registered_camera for n in others}
+    return {n: c for n, c in found.items() if c is not None}
 
 
 def _is_external(project: Project, entry: CameraRecord) -> bool:
@@ -165,8 +186,9 @@ def _is_external(project: Project, entry: CameraRecord) -> bool:
     return asked == "auto" and entry.status == "registered" and START_KEY not in entry.extra
 
 
-def _inputs(project: Project, name: str, entries: Mapping[str, CameraRecord]) -> Inputs:
-    start = start_of(entries.get(name))
+def _inputs(project: Project, name: str, entries: Entries) -> Inputs:
+    entry = entries.get(name)
+    start = start_of(entry)
     files = {
         "mesh": project.mesh_path,
         "photo": project.photo_path(name),
@@ -178,15 +200,31 @@ def _inputs(project: Project, name: str, entries: Mapping[str, CameraRecord]) ->
         **file_inputs(project, **files),
         "start camera": json_hash(entry_of_record(start)) if start else "none",
     }
-    if not _registered_before_refinement(entries.get(name)):
-        inputs[OTHERS] = json_hash(sorted(_neighbors(project, name, entries)))
+    if entry is None or not _registered_before_refinement(entry):
+        others = {n for n, e in entries.items() if e.registered_camera and n != name}
+        others &= project.photo_paths.keys()
+        inputs[OTHERS] = json_hash({n: camera_hash(own_registration(entries[n])) for n in others})
+    elif entry.method == "features" and START_KEY in entry.extra:
+        inputs |= _through_inputs(project, entry, entries)
     return inputs
 
 
-def _registered_before_refinement(entry: CameraRecord | None) -> bool:
+def _through_inputs(project: Project, entry: CameraRecord, entries: Entries) -> Inputs:
+    """The photos through which an entry was found: what they show, and from where by themselves."""
+    through = found_through(entry)
+    if not through:
+        return {"which photos it was found through": "unknown"}
+    found: Inputs = {}
+    for name in through:
+        other = entries.get(name)
+        camera = camera_hash(own_registration(other)) if other else "none"
+        picture = project.hash_of(project.photo_paths.get(name))
+        found[f"registration of {name}"] = json_hash([camera, picture])
+    return found
+
+
+def _registered_before_refinement(entry: CameraRecord) -> bool:
     """Whether the photo's own registration succeeded, whatever the others said later."""
-    if entry is None:
-        return False
     return entry.status == "registered" or BEFORE_KEY in entry.extra
 
 

@@ -27,7 +27,8 @@ from texproj.report.pictures import (
 )
 from texproj.stages.bench import Workbench
 from texproj.stages.coloring import STAGE as COLOR
-from texproj.stages.freshness import Freshness, Inputs, changed_inputs, file_inputs
+from texproj.stages.entries import is_refined
+from texproj.stages.freshness import Freshness, Inputs, changed_inputs, file_inputs, options_inputs
 from texproj.stages.progress import Progress, silent
 from texproj.stages.writing import GLB, PLY
 
@@ -75,7 +76,7 @@ def report_freshness(project: Project) -> Freshness:
 def _inputs(project: Project) -> Inputs:
     color = json_hash(project.load_record(COLOR))
     files = file_inputs(project, mesh=project.mesh_path, cameras=project.cameras_path)
-    return {"method": str(VERSION), "model": color, **files}
+    return {**options_inputs(project, VERSION, "refine"), "model": color, **files}
 
 
 def _facts(bench: Workbench, records: dict[str, CameraRecord]) -> dict[str, Any]:
@@ -102,9 +103,22 @@ def _facts(bench: Workbench, records: dict[str, CameraRecord]) -> dict[str, Any]
             "faces": len(source.mesh.faces),
             "repairs": source.repairs,
         },
+        "refinement": _refinement(project, records),
         "photos": photos,
         "color": color and {**color, "files": list(color["outputs"])},
     }
+
+
+def _refinement(project: Project, records: dict[str, CameraRecord]) -> str:
+    registered = [r for r in records.values() if r.registered_camera is not None]
+    refined = sum(is_refined(r) for r in registered)
+    if refined:
+        return f"{refined} of {len(registered)} cameras refined together"
+    if project.settings.options("refine").enabled:
+        return "none: every camera is as its own photo was registered"
+    return (
+        "switched off ([refine] enabled = false): every camera is as its own photo was registered"
+    )
 
 
 def _photo_facts(project: Project, name: str, record: CameraRecord | None) -> dict[str, Any]:

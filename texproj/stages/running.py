@@ -9,27 +9,36 @@ from texproj.project import Project
 from texproj.records import CameraRecord
 from texproj.stages.bench import Workbench
 from texproj.stages.coloring import ColorOutcome, color_freshness, color_project
+from texproj.stages.entries import START_KEY
 from texproj.stages.freshness import Freshness
 from texproj.stages.progress import Progress, silent
-from texproj.stages.refining import RefineOutcome, refine_freshness, refine_project
-from texproj.stages.registering import (
-    START_KEY,
-    PhotoOutcome,
-    register_photos,
-    registration_freshness,
+from texproj.stages.refining import (
+    RefineOutcome,
+    refine_freshness,
+    refine_project,
+    undo_refinement,
+    unrefined,
 )
+from texproj.stages.registering import PhotoOutcome, register_photos, registration_freshness
 from texproj.stages.reporting import ReportOutcome, report_freshness, report_project
+
+SWITCHED_OFF = "switched off since then; the next run goes back to each photo's own registration"
 
 
 @dataclass(frozen=True, eq=False)
 class RunOutcome:
-    """What each stage did. color is None where no photo could be registered; `reason` says so."""
+    """What each stage did. color is None where no photo could be registered; `reason` says so.
+
+    unrefined: photos that are back at their own registration, since the settings have switched
+    refinement off.
+    """
 
     photos: list[PhotoOutcome]
     refined: RefineOutcome | None
     color: ColorOutcome | None
     report: ReportOutcome
     reason: str = ""
+    unrefined: tuple[str, ...] = ()
 
     @property
     def failed(self) -> dict[str, str]:
@@ -42,6 +51,7 @@ class RunOutcome:
 def run_project(bench: Workbench, progress: Progress = silent) -> RunOutcome:
     """Register, refine, color and report what is stale. Raises InputError."""
     photos = register_photos(bench, progress=progress)
+    back = undo_refinement(bench.project)
     refined = _refined(bench, progress)
     entries = bench.project.load_cameras()
     photos = [_with_record(outcome, entries[outcome.name]) for outcome in photos]
@@ -50,7 +60,7 @@ def run_project(bench: Workbench, progress: Progress = silent) -> RunOutcome:
     except InputError as error:
         color, reason = None, str(error)
     report = report_project(bench, progress)
-    return RunOutcome(photos, refined, color, report, reason)
+    return RunOutcome(photos, refined, color, report, reason, back)
 
 
 def _refined(bench: Workbench, progress: Progress) -> RefineOutcome | None:
@@ -69,6 +79,8 @@ def _with_record(outcome: PhotoOutcome, record: CameraRecord) -> PhotoOutcome:
 def project_status(project: Project) -> list[Freshness]:
     """Each item of each stage: fresh, or stale and why. Raises InputError."""
     refined = [refine_freshness(project, True)] if _worth_refining(project) else []
+    if unrefined(project):
+        refined = [Freshness("refine", "all photos", False, SWITCHED_OFF)]
     after = [color_freshness(project), report_freshness(project)]
     return [*registration_freshness(project), *refined, *after]
 
