@@ -71,6 +71,10 @@ class ColorOptions:
     clipped_weight: Fraction = 0.2
     """Weight of samples where the photo is over-exposed; 1 = as good as any."""
 
+    focus_power: Annotated[float, Field(ge=0, le=8)] = 1.0
+    """How strongly blurred parts of photos are distrusted: the power of their energy of fine detail
+    against that of the other photos; 0 = not looked at."""
+
     gains: bool = True
     """Correct each photo's exposure and white balance by what the others show there."""
 
@@ -88,7 +92,30 @@ class ColorOptions:
     """Texels along a line per pixel of the photo that shows the surface best."""
 
     bits: Literal[8, 16] = 8
-    """Bits per channel of the texture."""
+    """Bits per channel of the obj's images (png or tiff); 8 elsewhere, but a glb's vertex colors are
+    always in floating point."""
+
+
+@dataclass(frozen=True, config=STRICT)
+class OutputOptions:
+    """Which files are written to out/, and what is in them."""
+
+    models: tuple[Literal["auto", "glb", "obj", "ply"], ...] = ("auto",)
+    """Kinds of model files: auto = glb and obj with a texture, ply with vertex colors (which a glb
+    can hold too)."""
+
+    image: Literal["png", "jpeg", "webp", "tiff", "ktx2"] = "png"
+    """Format of the texture's images. tiff is for the obj, ktx2 (by the program basisu) for the glb:
+    the other model gets png."""
+
+    quality: Annotated[int, Field(ge=1, le=100)] = 95
+    """Of jpeg and webp; 100 = webp without loss."""
+
+    normals: bool = True
+    """Write a normal for each vertex."""
+
+    unlit: bool = True
+    """A glb shows the colors as photographed, without lights of the viewer's own."""
 
 
 @dataclass(frozen=True, config=STRICT)

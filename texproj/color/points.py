@@ -97,3 +97,20 @@ class VertexPoints:
     def chunk(self, number: int) -> Chunk:
         rows = self.rows(number)
         return Chunk(self.owners.center[rows], np.arange(rows.start, rows.stop, dtype=np.int32))
+
+
+def spread_points(points: PointSource, count: int) -> Chunk:
+    """About `count` of the points, every k-th of all chunks; k is odd, so that it does not fall
+    into step with rows of texels.
+    """
+    step = max(1, sum(points.sizes) // max(count, 1)) | 1
+    parts, start = [], 0
+    for number, size in enumerate(points.sizes):
+        first = -start % step
+        start += size
+        if first < size:
+            chunk = points.chunk(number)
+            parts.append((chunk.xyz[first::step].copy(), chunk.owner[first::step].copy()))
+    if not parts:
+        return Chunk(np.zeros((0, 3), np.float32), np.zeros(0, np.int32))
+    return Chunk(np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts]))

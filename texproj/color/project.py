@@ -67,7 +67,7 @@ def project_views(
     progress: Progress | None = None,
 ) -> tuple[Spill, Survey]:
     """The samples of prepared views, `count` in all, and the survey of some points."""
-    spill, surveyor = Spill(points.sizes, scratch), Surveyor(points, count)
+    spill, surveyor = Spill(points.sizes, scratch), Surveyor(points, count, options.focus_power > 0)
     for number, view in enumerate(views):
         if view is not None:
             sight = sight_of(

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.color.focus import Focus
 from texproj.color.photometry import Photometry
 
 
@@ -27,18 +29,22 @@ def coverage(counts: list[NDArray[Any]], points: int) -> dict[str, Any]:
     }
 
 
-def per_photo(light: Photometry, share: NDArray[np.float64]) -> list[dict[str, Any]]:
+def per_photo(
+    light: Photometry, focus: Sequence[Focus], share: NDArray[np.float64]
+) -> list[dict[str, Any]]:
     """One entry per photo, in the order of the cameras.
 
     gain: factor on each channel of linear light; disagreement: median absolute log difference to
-    the other photos after correction; share: part of the surface's color that comes from it.
+    the other photos after correction; sharpness: contrast of fine detail against the other photos',
+    1 = as sharp as they, None = unknown; share: part of the surface's color that comes from it.
     """
     part, gains = share / max(float(share.sum()), 1e-12), light.gains
     return [
         {
             "gain": [float(g) for g in gain],
             "disagreement": float(spread),
+            "sharpness": None if sharp.lack is None else float(np.exp(sharp.lack / 2)),
             "share": float(used),
         }
-        for gain, spread, used in zip(gains.factor, gains.spread, part, strict=True)
+        for gain, spread, sharp, used in zip(gains.factor, gains.spread, focus, part, strict=True)
     ]

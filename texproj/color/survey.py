@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.camera import Camera
+from texproj.color.detail import Detail, DetailMeter
 from texproj.color.lookup import depth_pixels, photo_pixels
-from texproj.color.points import Chunk, Floats, PointSource
+from texproj.color.points import Chunk, Floats, PointSource, spread_points
 from texproj.color.sample import sample
 from texproj.color.sight import Sight
 from texproj.color.view import WHITE, PhotoView
@@ -39,7 +40,7 @@ class Survey:
     shots: one per photo, None for one that could not be had; points: how many there are;
     photo, point: (m,) int32 who saw what; rgb: (m, 3) float32 linear light as the photo shows it;
     weight: (m,) float32 as in `Samples`; xy_px: (m, 2) float32 where in the decoded photo, from
-    its top-left corner.
+    its top-left corner; detail: how finely the photos show the surface, None if not measured.
     """
 
     shots: tuple[Shot | None, ...]
@@ -49,6 +50,7 @@ class Survey:
     rgb: Floats
     weight: Floats
     xy_px: Floats
+    detail: Detail | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +71,9 @@ class Surveyor:
     The number of observations stays below `MOST_OBSERVATIONS` whatever the number of photos.
     """
 
-    def __init__(self, points: PointSource, photos: int) -> None:
-        """`photos`: how many there are in all."""
+    def __init__(self, points: PointSource, photos: int, detail: bool = False) -> None:
+        """`photos`: how many there are in all; detail: whether to measure how sharp they are."""
+        self._meter = DetailMeter(points) if detail else None
         self._chunk = spread_points(points, SURVEYED)
         self._step = 1
         self._shots: list[Shot | None] = [None] * photos
@@ -78,6 +81,8 @@ class Surveyor:
 
     def add(self, number: int, sight: Sight, view: PhotoView) -> None:
         """Note what a photo shows."""
+        if self._meter:
+            self._meter.add(number, sight, view)
         self._shots[number] = Shot(view.camera, view.info)
         self._seen[number] = observed(self._chunk, sight, view).thinned(self._step)
         while sum(len(seen.point) for seen in self._seen if seen) > MOST_OBSERVATIONS:
@@ -93,28 +98,12 @@ class Surveyor:
         return Survey(
             tuple(self._shots), len(self._chunk), photo, point,
             values[:, :3], values[:, 3], values[:, 4:],
+            self._meter.detail() if self._meter else None,
         )  # fmt: skip
 
 
 def _nothing() -> _Seen:
     return _Seen(np.zeros(0, np.int32), np.zeros((0, 6), np.float32))
-
-
-def spread_points(points: PointSource, count: int) -> Chunk:
-    """About `count` of the points, every k-th of all chunks; k is odd, so that it does not fall
-    into step with rows of texels.
-    """
-    step = max(1, sum(points.sizes) // max(count, 1)) | 1
-    parts, start = [], 0
-    for number, size in enumerate(points.sizes):
-        first = -start % step
-        start += size
-        if first < size:
-            chunk = points.chunk(number)
-            parts.append((chunk.xyz[first::step].copy(), chunk.owner[first::step].copy()))
-    if not parts:
-        return Chunk(np.zeros((0, 3), np.float32), np.zeros(0, np.int32))
-    return Chunk(np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts]))
 
 
 def observed(chunk: Chunk, sight: Sight, view: PhotoView) -> _Seen:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from texproj.color.corrections import corrected, gains_of, grids_of
 from texproj.color.density import texels_per_unit
 from texproj.color.depths import Depths
 from texproj.color.flatten import Regions
+from texproj.color.focus import distrusting, solve_focus
 from texproj.color.memory import return_freed_memory
 from texproj.color.pages import fill_page
 from texproj.color.photometry import Photometry, solve_photometry
@@ -64,12 +66,13 @@ def color_texture(
         atlas = unwrap(mesh, density, unwrap_options, regions.result())
         points = TexelPoints.of(mesh, atlas, scratch)
         spill, survey = project_views(points, views, len(cameras), options, scratch, progress)
-        light = solve_photometry(survey, options)
+        light, focus = solve_photometry(survey, options), solve_focus(survey, options)
+        light = replace(light, corrections=distrusting(light.corrections, focus))
         pages, counts, share = bake(points, atlas, spill, cameras, light, options)
         fill_unseen(mesh, atlas, points, pages, counts)
         for number, page in enumerate(pages):
             fill_page(page, points.inside(number, page.shape))
-    quality = coverage(counts, sum(points.sizes)) | {"photos": per_photo(light, share)}
+    quality = coverage(counts, sum(points.sizes)) | {"photos": per_photo(light, focus, share)}
     return Texture(atlas, tuple(pages), tuple(counts), quality)
 
 

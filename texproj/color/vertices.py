@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import closing
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from texproj.camera import Camera
 from texproj.color.combine import blend
 from texproj.color.corrections import corrected, gains_of, grids_of
 from texproj.color.fill import fill_vertices
+from texproj.color.focus import distrusting, solve_focus
 from texproj.color.photometry import solve_photometry
 from texproj.color.points import VertexPoints
 from texproj.color.project import LoadPhoto, Progress, project_photos
@@ -45,7 +47,8 @@ def color_vertices(
         spill, survey = project_photos(
             points, cameras, load_photo, scene, options, scratch, progress
         )
-        light = solve_photometry(survey, options)
+        light, focus = solve_photometry(survey, options), solve_focus(survey, options)
+        light = replace(light, corrections=distrusting(light.corrections, focus))
         gains, grids = gains_of(light.corrections), grids_of(cameras, light.corrections)
         for chunk in range(len(points.sizes)):
             part = points.rows(chunk)
@@ -54,5 +57,5 @@ def color_vertices(
             rgb[part], weight[part] = result.rgb, result.weight
             count[part] = result.photo_count
             share[stack.photos] += result.share
-    quality = coverage([count], len(count)) | {"photos": per_photo(light, share)}
+    quality = coverage([count], len(count)) | {"photos": per_photo(light, focus, share)}
     return VertexColors(fill_vertices(mesh, rgb, weight > 0), weight, count, quality)
