@@ -86,12 +86,14 @@ class ColoredMesh:
     """Triangles with a color at each vertex, as written to files.
 
     vertices: (V, 3) float64; faces: (F, 3) int32 into vertices.
-    colors: (V, 3 or 4) uint8 or uint16, sRGB-encoded.
+    colors: (V, 3 or 4) uint8 or uint16, sRGB-encoded, or (V, 3) float32 linear light.
+    normals: (V, 3) unit vectors or None.
     """
 
     vertices: NDArray[np.float64]
     faces: NDArray[np.int32]
-    colors: NDArray[np.uint8] | NDArray[np.uint16]
+    colors: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]
+    normals: NDArray[np.float64] | None = None
 
 
 def face_cross(vertices: ArrayLike, faces: ArrayLike) -> NDArray[np.float64]:

@@ -92,8 +92,8 @@ class ColorOptions:
     """Texels along a line per pixel of the photo that shows the surface best."""
 
     bits: Literal[8, 16] = 8
-    """Bits per channel of the obj's images (png or tiff); 8 elsewhere, but a glb's vertex colors are
-    always in floating point."""
+    """Bits per channel of the obj's images (png or tiff). Other files hold 8, but a glb's vertex
+    colors are in floating point."""
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -105,8 +105,8 @@ class OutputOptions:
     can hold too)."""
 
     image: Literal["png", "jpeg", "webp", "tiff", "ktx2"] = "png"
-    """Format of the texture's images. tiff is for the obj, ktx2 (by the program basisu) for the glb:
-    the other model gets png."""
+    """Format of the texture's images. tiff is for the obj, ktx2 (made by the program basisu) for
+    the glb: the other model gets png."""
 
     quality: Annotated[int, Field(ge=1, le=100)] = 95
     """Of jpeg and webp; 100 = webp without loss."""

@@ -11,6 +11,7 @@ from texproj.errors import InputError, UsageError, nearest_name
 from texproj.options import (
     ColorOptions,
     MutualInformationOptions,
+    OutputOptions,
     PatchOptions,
     PointsOptions,
     PreviewOptions,
@@ -34,6 +35,7 @@ SECTIONS: dict[str, type] = {
     "color": ColorOptions,
     "unwrap": UnwrapOptions,
     "patches": PatchOptions,
+    "output": OutputOptions,
     "preview": PreviewOptions,
 }
 """Tables of project.toml and the options that each holds."""

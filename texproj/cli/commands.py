@@ -33,9 +33,10 @@ if TYPE_CHECKING:
 else:  # classes made from the options when the program starts
     RegisterFlags = flags_for(("register", "render"), ("points", "structure"))
     RefineFlags = flags_for(("refine", "render"))
-    ColorFlags = flags_for(("color", "render"), ("unwrap", "patches"))
+    ColorFlags = flags_for(("color", "render"), ("unwrap", "patches", "output"))
     RunFlags = flags_for(
-        ("render",), ("register", "points", "structure", "refine", "color", "unwrap", "patches")
+        ("render",),
+        ("register", "points", "structure", "refine", "color", "unwrap", "patches", "output"),
     )
     RenderFlags = flags_for(("render",))
     PreviewFlags = flags_for(("preview",))
@@ -177,10 +178,7 @@ def refine(
     if json:
         talk.say_json(vars(outcome))
     else:
-        for name, moved in outcome.moved_px.items():
-            talk.say(f"{name}: moved by {moved:.2f} px")
-        for name, reason in outcome.thrown_out.items():
-            talk.say(f"{name}: FAILED: {reason}")
+        _say_refined(outcome)
     total = len(outcome.moved_px) + len(outcome.thrown_out)
     return exit_code(len(outcome.thrown_out), total, "refined")
 
@@ -216,11 +214,15 @@ def run(
                 "color": color,
                 "report": report,
                 "reason": outcome.reason,
+                "unrefined": outcome.unrefined,
             }
         )
     else:
         for photo in outcome.photos:
             talk.say(_photo_line(photo))
+        if outcome.unrefined:
+            names = ", ".join(outcome.unrefined)
+            talk.say(f"refinement is switched off: back to their own registration: {names}")
         if outcome.color:
             _say_color(project, outcome.color)
         talk.say(f"report: {outcome.report.files[0]}")
@@ -338,6 +340,17 @@ def doctor(*, json: Json = False) -> int:
         if finding.remedy:
             talk.say(f"        {'':12} -> {finding.remedy}")
     return DONE
+
+
+def _say_refined(outcome: Any) -> None:
+    if outcome.kept:
+        talk.say("fresh, kept: nothing has changed since these cameras were refined")
+    for name, moved in outcome.moved_px.items() if not outcome.kept else ():
+        talk.say(f"{name}: moved by {moved:.2f} px")
+    for name in outcome.alone:
+        talk.say(f"{name}: stays as it is: no other photo shows enough of the same surface")
+    for name, reason in outcome.thrown_out.items():
+        talk.say(f"{name}: FAILED: {reason}")
 
 
 def _say_color(project: Project, outcome: Any) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 from texproj.camera import Camera
 from texproj.color.result import Texture
 from texproj.color.vertices import color_vertices
-from texproj.errors import InputError, nearest_name
+from texproj.errors import InputError, OutputError, nearest_name
 from texproj.files import json_hash, staging
 from texproj.formats.cameras import entry_of_record
 from texproj.photo import Photo
@@ -25,12 +25,12 @@ from texproj.stages.freshness import (
     options_inputs,
 )
 from texproj.stages.progress import Progress, silent
-from texproj.stages.writing import write_texture, write_vertices
+from texproj.stages.writing import output_plan, write_texture, write_vertices
 
 STAGE = "color"
 VERSION = 1
 Write = Callable[[Path], tuple[str, ...]]
-SECTIONS = ("color", "unwrap", "patches", "render")
+SECTIONS = ("color", "unwrap", "patches", "output", "render")
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,9 +54,9 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
     left, OutputError if out/ cannot be written; the old model stays then.
     """
     project = bench.project
-    record = project.load_record(STAGE)
-    if record is not None and color_freshness(project).fresh:
-        return _outcome(record, kept=True)
+    before = project.load_record(STAGE)
+    if before is not None and color_freshness(project).fresh:
+        return _outcome(before, kept=True)
     inputs = _inputs(project)
     cameras, failed = usable_cameras(project)
     photos = _Photos(project, list(cameras), failed)
@@ -65,6 +65,7 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
         raise InputError(f"no photo could be read: {'; '.join(failed.values())}")
     with staging(project.out) as folder:
         files = write(folder)
+    _remove_leftovers(project, before, files)
     record = {
         "inputs": inputs,
         "outputs": {name: project.hash_of(project.out / name) for name in files},
@@ -75,6 +76,20 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
     project.save_record(STAGE, None, record)
     project.save_hashes()
     return _outcome(record, kept=False)
+
+
+def _remove_leftovers(project: Project, before: Any, files: tuple[str, ...]) -> None:
+    """Delete what the run before wrote and this one did not, unless somebody changed it since."""
+    for name, known in (before or {}).get("outputs", {}).items():
+        path = project.out / Path(name).name
+        if path.name in files or project.hash_of(path) != known:
+            continue
+        try:
+            path.unlink()
+        except OSError as error:
+            raise OutputError(
+                f"{path} of an earlier run cannot be removed: {error.strerror}"
+            ) from None
 
 
 def color_freshness(project: Project) -> Freshness:
@@ -134,11 +149,12 @@ def _made(
         progress(STAGE, done, total, "")
 
     options = bench.project.settings.options("color")
+    plan = output_plan(options, bench.project.settings.options("output"))
     if options.to == "vertices":
         colors = color_vertices(bench.mesh, cameras, photos, bench.renderer, options, tell)
-        return colors.quality, lambda folder: write_vertices(folder, bench.source, colors)
+        return colors.quality, lambda folder: write_vertices(folder, bench.source, colors, plan)
     texture = _texture(bench, cameras, photos, tell)
-    return texture.quality, lambda folder: write_texture(folder, bench.mesh, texture)
+    return texture.quality, lambda folder: write_texture(folder, bench.mesh, texture, plan)
 
 
 def _texture(

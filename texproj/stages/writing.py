@@ -2,42 +2,171 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from texproj.color.result import Texture, VertexColors
-from texproj.formats.models import encode_pages, write_glb, write_obj, write_ply
-from texproj.mesh import Mesh, MeshSource, TexturedMesh, vertex_normals
+from texproj.errors import UsageError
+from texproj.formats.models import (
+    GlbImage,
+    ImageFormat,
+    page_files,
+    require_basisu,
+    to_8_bit,
+    write_colored_glb,
+    write_glb,
+    write_ktx2,
+    write_obj,
+    write_pages,
+    write_ply,
+)
+from texproj.formats.models.images import IMAGE_SUFFIXES
+from texproj.mesh import ColoredMesh, Mesh, MeshSource, TexturedMesh, vertex_normals
+from texproj.options import ColorOptions, OutputOptions
 from texproj.photo import srgb_from_linear
 
+STEM = "model"
 PLY, GLB, OBJ = "model.ply", "model.glb", "model.obj"
+KTX2_SIZE = 4
+"""Width and height of a page in KTX 2 are multiples of it (KHR_texture_basisu)."""
+
+Kind = Literal["ply", "glb", "obj"]
 
 
-def write_vertices(folder: Path, source: MeshSource, colors: VertexColors) -> tuple[str, ...]:
-    """Write the mesh as it was in its file, each vertex with its color; returns the file names.
-
-    A vertex that the repair dropped has no color: it is mid-gray.
+@dataclass(frozen=True)
+class OutputPlan:
+    """Which files are written, and how. obj_image, glb_image: formats of their pages; bits: per
+    channel, where a file can hold them.
     """
-    encoded = np.round(srgb_from_linear(colors.rgb) * 255).astype(np.uint8)
-    with_none = np.concatenate([encoded, np.full((1, 3), 128, np.uint8)])
-    write_ply(
-        folder / PLY, source.source_vertices, source.source_faces,
-        with_none[source.vertex_of_source],
-    )  # fmt: skip
-    return (PLY,)
+
+    models: tuple[Kind, ...]
+    obj_image: ImageFormat
+    glb_image: GlbImage
+    bits: int
+    options: OutputOptions
 
 
-def write_texture(folder: Path, mesh: Mesh, texture: Texture) -> tuple[str, ...]:
-    """Write the textured mesh as glb and as obj with its images; returns the file names."""
-    model = textured_mesh(mesh, texture)
-    images = encode_pages(model.pages, "png")
-    write_glb(folder / GLB, model, "png", images=images)
-    written = write_obj(folder / OBJ, model, "png", images)
-    return (GLB, *(path.name for path in written))
+def output_plan(color: ColorOptions, output: OutputOptions) -> OutputPlan:
+    """What the settings ask for. Raises UsageError for what cannot be written."""
+    textured = color.to != "vertices"
+    possible: tuple[Kind, ...] = ("glb", "obj") if textured else ("ply", "glb")
+    asked: set[Kind] = {model for model in output.models if model != "auto"}
+    if "auto" in output.models or not asked:
+        asked |= set(possible) if textured else {"ply"}
+        asked |= {"glb"} if color.bits == 16 else set()
+    for model in sorted(asked - set(possible)):
+        raise UsageError(
+            f"models: {model} cannot hold what `to = {color.to!r}` makes; choose from"
+            f" {', '.join(possible)}"
+        )
+    image = output.image
+    plan = OutputPlan(
+        tuple(kind for kind in possible if kind in asked),
+        "png" if image == "ktx2" else image,
+        "png" if image == "tiff" else image,
+        color.bits,
+        output,
+    )
+    _check_bits(plan, textured)
+    if textured and image == "ktx2":
+        if "glb" not in asked:
+            raise UsageError("image: ktx2 is for glb alone; add it to models, or choose another")
+        require_basisu()
+    return plan
 
 
-def textured_mesh(mesh: Mesh, texture: Texture) -> TexturedMesh:
+def _check_bits(plan: OutputPlan, textured: bool) -> None:
+    if plan.bits == 8:
+        return
+    deep = (
+        "obj" in plan.models and plan.obj_image in ("png", "tiff")
+        if textured
+        else "glb" in plan.models
+    )
+    if not deep:
+        where = "an obj with png or tiff images" if textured else "a glb"
+        raise UsageError(f"bits: 16 bits are only held by {where}; add that, or set bits to 8")
+
+
+def write_vertices(
+    folder: Path, source: MeshSource, colors: VertexColors, plan: OutputPlan
+) -> tuple[str, ...]:
+    """Write each vertex with its color; returns the file names.
+
+    The ply is the mesh as it was in its file; a vertex that the repair dropped has no color there:
+    it is mid-gray. The glb is the repaired mesh with linear colors, not rounded.
+    """
+    normals = vertex_normals(source.mesh) if plan.options.normals else None
+    if "ply" in plan.models:
+        encoded = np.round(srgb_from_linear(colors.rgb) * 255).astype(np.uint8)
+        rgb = _with_one_more(encoded, 128)[source.vertex_of_source]
+        units = None if normals is None else _with_one_more(normals, 0)[source.vertex_of_source]
+        write_ply(folder / PLY, source.source_vertices, source.source_faces, rgb, units)
+    if "glb" in plan.models:
+        model = ColoredMesh(source.mesh.vertices, source.mesh.faces, colors.rgb, normals)
+        write_colored_glb(folder / GLB, model, plan.options.unlit)
+    return tuple(f"{STEM}.{kind}" for kind in plan.models)
+
+
+def _with_one_more(rows: NDArray[Any], value: int) -> NDArray[Any]:
+    """The rows and one of `value`: that of number -1."""
+    return np.concatenate([rows, np.full((1, rows.shape[1]), value, rows.dtype)])
+
+
+def write_texture(folder: Path, mesh: Mesh, texture: Texture, plan: OutputPlan) -> tuple[str, ...]:
+    """Write the textured mesh and its images; returns the file names.
+
+    The text of the obj is written while the images are encoded.
+    """
+    model = textured_mesh(mesh, texture, plan.options.normals)
+    images = page_files(folder / STEM, len(model.pages), IMAGE_SUFFIXES[plan.obj_image])
+    written: list[Path] = []
+    with ThreadPoolExecutor(1) as beside:
+        if "obj" in plan.models:
+            text = beside.submit(write_obj, folder / OBJ, model, images)
+            write_pages(folder / STEM, model.pages, plan.obj_image, plan.options.quality)
+        if "glb" in plan.models:
+            _write_glb(folder, model, images, plan)
+            written.append(folder / GLB)
+        if "obj" in plan.models:
+            written += [*text.result(), *images]
+    return tuple(path.name for path in written)
+
+
+def _write_glb(
+    folder: Path, model: TexturedMesh, obj_images: Sequence[Path], plan: OutputPlan
+) -> None:
+    """Write the glb, with the images of the obj if they are what it wants."""
+    shared = "obj" in plan.models and plan.obj_image == plan.glb_image and plan.bits == 8
+    if plan.glb_image == "ktx2":
+        model = padded(model, KTX2_SIZE)
+    images = obj_images if shared else _glb_images(folder, model, plan)
+    write_glb(folder / GLB, model, images, plan.glb_image, plan.options.unlit)
+    for image in () if shared else images:
+        image.unlink()
+
+
+def _glb_images(folder: Path, model: TexturedMesh, plan: OutputPlan) -> list[Path]:
+    """The pages in 8 bits, as files that go once they are inside the glb."""
+    stem = folder / f"inside_{STEM}"
+    pages = tuple(to_8_bit(page) for page in model.pages)
+    if plan.glb_image != "ktx2":
+        return write_pages(stem, pages, plan.glb_image, plan.options.quality)
+    sources = write_pages(stem, pages, "png")
+    images = page_files(stem, len(pages), ".ktx2")
+    for source, image in zip(sources, images, strict=True):
+        write_ktx2(source, image)
+        source.unlink()
+    return images
+
+
+def textured_mesh(mesh: Mesh, texture: Texture, normals: bool = True) -> TexturedMesh:
     """The mesh with its texture, in the conventions of model files (v up, 0..1)."""
     atlas = texture.atlas
     page_of_uv = np.zeros(len(atlas.uv_px), np.intp)
@@ -47,5 +176,19 @@ def textured_mesh(mesh: Mesh, texture: Texture) -> TexturedMesh:
     uv[:, 1] = 1 - uv[:, 1]
     return TexturedMesh(
         mesh.vertices, mesh.faces, uv, atlas.faces, atlas.page_of_face, texture.pages,
-        vertex_normals(mesh),
+        vertex_normals(mesh) if normals else None,
     )  # fmt: skip
+
+
+def padded(model: TexturedMesh, multiple: int) -> TexturedMesh:
+    """The same model on pages whose sides are multiples: the last row and column are repeated."""
+    pages: list[NDArray[Any]] = []
+    shrink = np.ones((len(model.uv), 2))
+    for number, page in enumerate(model.pages):
+        height, width = page.shape[:2]
+        below, right = -height % multiple, -width % multiple
+        pages.append(np.pad(page, ((0, below), (0, right), (0, 0)), "edge"))
+        on_page = np.unique(model.uv_faces[model.page_of_face == number])
+        shrink[on_page] = width / (width + right), height / (height + below)
+    uv_down = (model.uv * (1, -1) + (0, 1)) * shrink
+    return replace(model, uv=uv_down * (1, -1) + (0, 1), pages=tuple(pages))

@@ -1,9 +1,30 @@
-"""Writing colored models: ply with vertex colors, obj and glb with textures, and their images."""
+"""Writing colored models: ply and glb with vertex colors, obj and glb with textures."""
 
-from texproj.formats.models.glb import write_glb
-from texproj.formats.models.images import encode_image, encode_pages
+from texproj.formats.models.basis import require_basisu, write_ktx2
+from texproj.formats.models.glb import GlbImage, write_colored_glb, write_glb
+from texproj.formats.models.images import (
+    ImageFormat,
+    encode_image,
+    page_files,
+    to_8_bit,
+    write_pages,
+)
 from texproj.formats.models.obj import write_obj
 from texproj.formats.models.ply import write_ply
 from texproj.formats.models.read import read_model
 
-__all__ = ["encode_image", "encode_pages", "read_model", "write_glb", "write_obj", "write_ply"]
+__all__ = [
+    "GlbImage",
+    "ImageFormat",
+    "encode_image",
+    "page_files",
+    "read_model",
+    "require_basisu",
+    "to_8_bit",
+    "write_colored_glb",
+    "write_glb",
+    "write_ktx2",
+    "write_obj",
+    "write_pages",
+    "write_ply",
+]

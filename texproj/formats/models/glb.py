@@ -1,9 +1,7 @@
-"""Binary glTF 2.0 with the texture's pages inside."""
+"""Binary glTF 2.0: a mesh with the texture's pages inside, or with vertex colors."""
 
 from __future__ import annotations
 
-import json
-import struct
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -11,144 +9,175 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.formats.models.images import encode_pages, to_8_bit
+from texproj.formats.models.binary import Document
 from texproj.formats.models.precision import single_is_enough
-from texproj.mesh import TexturedMesh
+from texproj.mesh import ColoredMesh, TexturedMesh
+from texproj.photo import linear_from_srgb
 
-ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
-FLOAT, UNSIGNED_INT = 5126, 5125
+GlbImage = Literal["png", "jpeg", "webp", "ktx2"]
+"""What viewers read: png and jpeg by the standard itself, the others by an extension."""
+
+IMAGE_EXTENSIONS = {"webp": "EXT_texture_webp", "ktx2": "KHR_texture_basisu"}
+UNLIT = "KHR_materials_unlit"
+
 LINEAR, LINEAR_MIPMAP_LINEAR, CLAMP_TO_EDGE = 9729, 9987, 33071
 
 
 def write_glb(
     path: Path,
     model: TexturedMesh,
-    image_format: Literal["png", "jpeg"] = "png",
+    images: Sequence[Path],
+    image_format: GlbImage = "png",
     unlit: bool = True,
-    images: Sequence[bytes] | None = None,
 ) -> None:
     """Write one node with a primitive, a material and an image per page of the texture.
 
     Axes stay those of the mesh file. Positions are float32; where that is not enough they count
     from the middle of the model and the node is moved there. `unlit` shows the colors as they
-    were photographed (KHR_materials_unlit), viewers without it light them. Images hold 8 bits;
-    images: the pages where they are encoded as `image_format` already. Raises OSError.
+    were photographed (KHR_materials_unlit), viewers without it light them. images: the files of
+    the pages, 8 bits as the standard has it for colors; webp and ktx2 are marked as required,
+    there is no second copy for viewers without them. Raises OSError.
     """
-    encoded = images or encode_pages(map(to_8_bit, model.pages), image_format)
-    document = _Document()
-    offset = np.zeros(3)
-    if not single_is_enough(model.vertices):
-        offset = np.round((model.vertices.min(0) + model.vertices.max(0)) / 2)
+    document = Document()
+    offset = _offset(model.vertices)
     primitives = [
         _primitive(document, model, int(page), offset) for page in np.unique(model.page_of_face)
     ]
-    node: dict[str, Any] = {"mesh": 0, "name": path.stem}
+    materials = [_material(i, unlit) for i in range(len(images))]
+    if (model.page_of_face < 0).any():
+        materials.append(_material(None, unlit))
+    content = _content(path.stem, primitives, materials, offset)
+    if images:
+        content |= _textures([document.view(image) for image in images], image_format)
+    _declare(content, unlit, IMAGE_EXTENSIONS.get(image_format) if images else None)
+    document.write(path, content)
+
+
+def write_colored_glb(path: Path, model: ColoredMesh, unlit: bool = True) -> None:
+    """The same with a color per vertex (COLOR_0): linear light as the standard has it, in float32,
+    since programs misread 16-bit integers. The vertices stay in their order. Raises OSError.
+    """
+    document = Document()
+    offset = _offset(model.vertices)
+    attributes = {"POSITION": document.vectors(model.vertices - offset, bounds=True)}
+    if model.normals is not None:
+        attributes["NORMAL"] = document.vectors(_units(model.normals))
+    attributes["COLOR_0"] = document.vectors(_linear(model.colors))
+    indices = document.indices(model.faces.ravel())
+    primitive = {"attributes": attributes, "indices": indices, "material": 0}
+    material = _material(None, unlit) | {"name": "vertex colors"}
+    material["pbrMetallicRoughness"]["baseColorFactor"] = [1, 1, 1, 1]
+    content = _content(path.stem, [primitive], [material], offset)
+    _declare(content, unlit, None)
+    document.write(path, content)
+
+
+def _offset(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What positions count from."""
+    if single_is_enough(vertices):
+        return np.zeros(3)
+    return np.round((vertices.min(0) + vertices.max(0)) / 2)
+
+
+def _content(
+    name: str,
+    primitives: list[dict[str, Any]],
+    materials: list[dict[str, Any]],
+    offset: NDArray[np.float64],
+) -> dict[str, Any]:
+    node: dict[str, Any] = {"mesh": 0, "name": name}
     if offset.any():
         node["translation"] = offset.tolist()
-    content: dict[str, Any] = {
+    return {
         "asset": {"version": "2.0", "generator": "texproj"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [node],
         "meshes": [{"primitives": primitives}],
-        "materials": [_material(i, unlit) for i in range(len(encoded))],
+        "materials": materials,
     }
-    if (model.page_of_face < 0).any():
-        content["materials"].append(_material(None, unlit))
-    if encoded:
-        content |= _textures([document.view(image) for image in encoded], f"image/{image_format}")
-    if unlit:
-        content["extensionsUsed"] = ["KHR_materials_unlit"]
-    document.write(path, content)
 
 
-def _textures(views: list[int], mime_type: str) -> dict[str, Any]:
+def _declare(content: dict[str, Any], unlit: bool, images: str | None) -> None:
+    """Name the extensions that are used, and the one without which nothing can be seen."""
+    used = [name for name in (UNLIT if unlit else None, images) if name]
+    if used:
+        content["extensionsUsed"] = used
+    if images:
+        content["extensionsRequired"] = [images]
+
+
+def _textures(views: list[int], image_format: GlbImage) -> dict[str, Any]:
     """Images, textures and the one way to sample them: linear, never across the border."""
     sampler = {
         "magFilter": LINEAR, "minFilter": LINEAR_MIPMAP_LINEAR,
         "wrapS": CLAMP_TO_EDGE, "wrapT": CLAMP_TO_EDGE,
     }  # fmt: skip
     return {
-        "images": [{"mimeType": mime_type, "bufferView": view} for view in views],
+        "images": [{"mimeType": f"image/{image_format}", "bufferView": view} for view in views],
         "samplers": [sampler],
-        "textures": [{"source": i, "sampler": 0} for i in range(len(views))],
+        "textures": [
+            {"sampler": 0, **_source(i, IMAGE_EXTENSIONS.get(image_format))}
+            for i in range(len(views))
+        ],
     }
 
 
-class _Document:
-    """The binary chunk of a GLB while it grows, with its views and accessors."""
-
-    def __init__(self) -> None:
-        self._blobs: list[bytes] = []
-        self._size = 0
-        self._views: list[dict[str, int]] = []
-        self._accessors: list[dict[str, Any]] = []
-
-    def view(self, data: bytes, target: int | None = None) -> int:
-        """Append bytes, 4-byte aligned; their view's number."""
-        view = {"buffer": 0, "byteOffset": self._size, "byteLength": len(data)}
-        if target is not None:
-            view["target"] = target
-        self._views.append(view)
-        padded = data + bytes(-len(data) % 4)
-        self._blobs.append(padded)
-        self._size += len(padded)
-        return len(self._views) - 1
-
-    def accessor(self, values: NDArray[Any], bounds: bool = False) -> int:
-        """Append (n, 2 or 3) floats or (n,) indices; their accessor's number."""
-        indices = values.ndim == 1
-        data = np.ascontiguousarray(values, "<u4" if indices else "<f4")
-        accessor: dict[str, Any] = {
-            "bufferView": self.view(
-                data.tobytes(), ELEMENT_ARRAY_BUFFER if indices else ARRAY_BUFFER
-            ),
-            "componentType": UNSIGNED_INT if indices else FLOAT,
-            "count": len(data),
-            "type": "SCALAR" if indices else f"VEC{data.shape[1]}",
-        }
-        if bounds:
-            accessor |= {"min": data.min(0).tolist(), "max": data.max(0).tolist()}
-        self._accessors.append(accessor)
-        return len(self._accessors) - 1
-
-    def write(self, path: Path, content: dict[str, Any]) -> None:
-        content = content | {
-            "bufferViews": self._views,
-            "accessors": self._accessors,
-            "buffers": [{"byteLength": self._size}],
-        }
-        text = json.dumps(content, separators=(",", ":"), allow_nan=False).encode()
-        text += b" " * (-len(text) % 4)
-        total = 12 + 8 + len(text) + 8 + self._size
-        with path.open("wb") as file:
-            file.write(struct.pack("<4sII", b"glTF", 2, total))
-            file.write(struct.pack("<I4s", len(text), b"JSON") + text)
-            file.write(struct.pack("<I4s", self._size, b"BIN\0"))
-            file.writelines(self._blobs)
+def _source(image: int, extension: str | None) -> dict[str, Any]:
+    source = {"source": image}
+    return {"extensions": {extension: source}} if extension else source
 
 
 def _primitive(
-    document: _Document, model: TexturedMesh, page: int, offset: NDArray[np.float64]
+    document: Document, model: TexturedMesh, page: int, offset: NDArray[np.float64]
 ) -> dict[str, Any]:
     """The faces of one page, one glTF vertex per pair of vertex and texture vertex."""
-    rows = model.page_of_face == page
-    vertex = model.faces[rows].ravel().astype(np.int64)
-    texel = model.uv_faces[rows].ravel().astype(np.int64) if page >= 0 else np.zeros_like(vertex)
-    pairs, indices = np.unique(vertex * (len(model.uv) + 1) + texel, return_inverse=True)
-    vertex, texel = pairs // (len(model.uv) + 1), pairs % (len(model.uv) + 1)
-    attributes = {"POSITION": document.accessor(model.vertices[vertex] - offset, bounds=True)}
+    vertex, texel, indices = _pairs(model, page)
+    attributes = {"POSITION": document.vectors(model.vertices[vertex] - offset, bounds=True)}
     if model.normals is not None:
-        attributes["NORMAL"] = document.accessor(model.normals[vertex])
+        attributes["NORMAL"] = document.vectors(_units(model.normals[vertex]))
     if page >= 0:
         uv_down = model.uv[texel] * (1, -1) + (0, 1)
-        attributes["TEXCOORD_0"] = document.accessor(uv_down)
+        attributes["TEXCOORD_0"] = document.vectors(uv_down)
     material = page if page >= 0 else len(model.pages)
     return {
         "attributes": attributes,
-        "indices": document.accessor(indices.ravel()),
+        "indices": document.indices(indices.ravel()),
         "material": material,
     }
+
+
+def _pairs(
+    model: TexturedMesh, page: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Vertex and texture vertex of each glTF vertex of a page, and the faces' rows of them."""
+    rows = model.page_of_face == page
+    vertex = model.faces[rows].ravel()
+    if page < 0:
+        known, indices = np.unique(vertex, return_inverse=True)
+        return known, np.zeros_like(known), indices
+    texel = model.uv_faces[rows].ravel()
+    vertex_of = np.full(len(model.uv), -1, np.int64)
+    vertex_of[texel] = vertex
+    if (vertex_of[texel] == vertex).all():  # a texture vertex belongs to one vertex, as usual
+        used = np.flatnonzero(vertex_of >= 0)
+        number = np.cumsum(vertex_of >= 0) - 1
+        return vertex_of[used], used, number[texel]
+    pairs, indices = np.unique(vertex * np.int64(len(model.uv)) + texel, return_inverse=True)
+    return pairs // len(model.uv), pairs % len(model.uv), indices
+
+
+def _units(normals: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Normals that are all of length 1: a vertex without a face has none, and gets one."""
+    return np.where(normals.any(axis=1, keepdims=True), normals, (0.0, 0.0, 1.0))
+
+
+def _linear(colors: NDArray[Any]) -> NDArray[np.float32]:
+    """(V, 3) linear light in 0..1 of any kind of colors; alpha is left out."""
+    if colors.dtype.kind == "f":
+        return np.clip(colors, 0, 1)
+    top = int(np.iinfo(colors.dtype).max)
+    return linear_from_srgb(np.arange(top + 1) / top)[colors[:, :3]]
 
 
 def _material(page: int | None, unlit: bool) -> dict[str, Any]:
@@ -163,5 +192,5 @@ def _material(page: int | None, unlit: bool) -> dict[str, Any]:
         "doubleSided": True,
     }
     if unlit:
-        material["extensions"] = {"KHR_materials_unlit": {}}
+        material["extensions"] = {UNLIT: {}}
     return material

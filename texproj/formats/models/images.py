@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import io
 import os
+import struct
 import zlib
-from collections.abc import Iterable
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+
+from texproj.errors import OutputError
 
 ImageFormat = Literal["png", "jpeg", "webp", "tiff"]
 
@@ -20,30 +24,65 @@ IMAGE_SUFFIXES: dict[ImageFormat, str] = {
     "png": ".png", "jpeg": ".jpg", "webp": ".webp", "tiff": ".tif",
 }  # fmt: skip
 
-JPEG_QUALITY = 95
-WEBP_LOSSLESS = 101
+QUALITY = 95
+"""Of lossy images, where nothing else is asked."""
+
+LARGEST_WEBP = 16383
+"""Pixels along a side: all that the format's 14 bits can say."""
+
+CHROMATICITIES = (31270, 32900, 64000, 33000, 30000, 60000, 15000, 6000)
+"""White point and primaries of sRGB (IEC 61966-2-1) x 100000, for PNG's cHRM."""
+
+GAMMA = 45455
+"""1 / 2.2 x 100000, for PNG's gAMA: what readers go by that do not know sRGB."""
 
 
-def encode_image(pixels: NDArray[Any], kind: ImageFormat) -> bytes:
+def encode_image(pixels: NDArray[Any], kind: ImageFormat, quality: int = QUALITY) -> bytes:
     """(h, w, 3 or 4) sRGB-encoded uint8 or uint16 pixels, RGB order, row 0 on top, as a file.
 
-    jpeg and webp hold 8 bits, jpeg no alpha: there the rest is rounded or left out.
+    jpeg and webp hold 8 bits, jpeg no alpha: there the rest is rounded or left out. quality: of
+    jpeg and webp, 1..100; 100 keeps every value in a webp. Raises OutputError for a page that is
+    too large for a webp.
     """
-    encoders = {"png": _png, "jpeg": _jpeg, "webp": _webp, "tiff": _tiff}
-    return encoders[kind](pixels)
+    if kind == "png":
+        return _png(pixels)
+    if kind == "tiff":
+        return _tiff(pixels)
+    return _jpeg(pixels, quality) if kind == "jpeg" else _webp(pixels, quality)
 
 
-def encode_pages(pages: Iterable[NDArray[Any]], kind: ImageFormat) -> list[bytes]:
-    """`encode_image` of each page, on all processors."""
+def page_files(stem: Path, count: int, suffix: str) -> list[Path]:
+    """The files of a texture's pages: `stem`, the page's number, and an ending."""
+    return [stem.with_name(f"{stem.name}_{i}{suffix}") for i in range(count)]
+
+
+def write_pages(
+    stem: Path, pages: Sequence[NDArray[Any]], kind: ImageFormat, quality: int = QUALITY
+) -> list[Path]:
+    """`encode_image` of each page into its file, on all processors; returns the files.
+
+    No more encoded pages are in memory than there are processors. Raises OSError, OutputError.
+    """
+    files = page_files(stem, len(pages), IMAGE_SUFFIXES[kind])
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(lambda page: encode_image(page, kind), pages))
+        jobs = [
+            pool.submit(_write_page, file, page, kind, quality)
+            for file, page in zip(files, pages, strict=True)
+        ]
+        for job in jobs:
+            job.result()
+    return files
+
+
+def _write_page(file: Path, page: NDArray[Any], kind: ImageFormat, quality: int) -> None:
+    file.write_bytes(encode_image(page, kind, quality))
 
 
 def to_8_bit(pixels: NDArray[Any]) -> NDArray[np.uint8]:
     """uint8 as it is, uint16 rounded."""
     if pixels.dtype == np.uint8:
         return pixels
-    return ((pixels.astype(np.uint32) + 128) // 257).astype(np.uint8)
+    return cv2.convertScaleAbs(pixels, alpha=1 / 257)
 
 
 def _png(pixels: NDArray[Any]) -> bytes:
@@ -53,25 +92,34 @@ def _png(pixels: NDArray[Any]) -> bytes:
     """
     import imagecodecs  # noqa: PLC0415
 
-    data = bytes(
-        imagecodecs.png_encode(
-            np.ascontiguousarray(pixels),
-            level=1,
-            strategy=imagecodecs.PNG.STRATEGY.HUFFMAN_ONLY,
-            filter=imagecodecs.PNG.FILTER.PAETH,
-        )
+    data = imagecodecs.png_encode(
+        np.ascontiguousarray(pixels),
+        level=1,
+        strategy=imagecodecs.PNG.STRATEGY.HUFFMAN_ONLY,
+        filter=imagecodecs.PNG.FILTER.PAETH,
     )
-    chunk = b"sRGB\0"  # rendering intent 0: perceptual
     header_end = 33  # signature and IHDR
-    tag = b"\0\0\0\1" + chunk + zlib.crc32(chunk).to_bytes(4, "big")
-    return data[:header_end] + tag + data[header_end:]
-
-
-def _jpeg(pixels: NDArray[Any]) -> bytes:
-    sampling = cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444
-    data = _encoded(
-        ".jpg", to_8_bit(pixels[..., :3]), cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY, *sampling
+    tags = (
+        _png_chunk(b"sRGB", b"\0"),  # rendering intent 0: perceptual
+        _png_chunk(b"gAMA", struct.pack(">I", GAMMA)),
+        _png_chunk(b"cHRM", struct.pack(">8I", *CHROMATICITIES)),
     )
+    return b"".join((data[:header_end], *tags, memoryview(data)[header_end:]))
+
+
+def _png_chunk(name: bytes, body: bytes) -> bytes:
+    return struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
+
+
+def _jpeg(pixels: NDArray[Any], quality: int) -> bytes:
+    sampling = cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444
+    rgb = to_8_bit(pixels[..., :3])
+    done, encoded = cv2.imencode(
+        ".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), (cv2.IMWRITE_JPEG_QUALITY, quality, *sampling)
+    )
+    if not done:
+        raise OutputError(f"a page of {rgb.shape[1]} x {rgb.shape[0]} texels is no jpeg")
+    data = encoded.tobytes()
     body = b"ICC_PROFILE\0\1\1" + srgb_profile()
     segment = b"\xff\xe2" + (len(body) + 2).to_bytes(2, "big") + body
     at = 2  # after the start marker, and after JFIF's segment that must come first
@@ -80,8 +128,22 @@ def _jpeg(pixels: NDArray[Any]) -> bytes:
     return data[:at] + segment + data[at:]
 
 
-def _webp(pixels: NDArray[Any]) -> bytes:
-    return _encoded(".webp", to_8_bit(pixels), cv2.IMWRITE_WEBP_QUALITY, WEBP_LOSSLESS)
+def _webp(pixels: NDArray[Any], quality: int) -> bytes:
+    from PIL import Image  # noqa: PLC0415
+
+    height, width = pixels.shape[:2]
+    if max(width, height) > LARGEST_WEBP:
+        raise OutputError(
+            f"a webp holds at most {LARGEST_WEBP} pixels along a side, a page has"
+            f" {max(width, height)}; set page_size in [unwrap], or another image format"
+        )
+    out = io.BytesIO()
+    lossless = quality == 100
+    Image.fromarray(to_8_bit(pixels)).save(
+        out, "WEBP", icc_profile=srgb_profile(), lossless=lossless, exact=lossless,
+        quality=0 if lossless else quality, method=0 if lossless else 4,
+    )  # fmt: skip
+    return out.getvalue()
 
 
 def _tiff(pixels: NDArray[Any]) -> bytes:
@@ -102,11 +164,3 @@ def srgb_profile() -> bytes:
     import imagecodecs  # noqa: PLC0415
 
     return imagecodecs.cms_profile("srgb")
-
-
-def _encoded(suffix: str, pixels: NDArray[Any], *parameters: int) -> bytes:
-    order = cv2.COLOR_RGB2BGR if pixels.shape[2] == 3 else cv2.COLOR_RGBA2BGRA
-    done, data = cv2.imencode(suffix, cv2.cvtColor(pixels, order), parameters)
-    if not done:
-        raise ValueError(f"{pixels.shape} {pixels.dtype} pixels cannot be encoded as {suffix}")
-    return data.tobytes()

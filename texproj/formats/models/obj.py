@@ -3,52 +3,44 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.formats.models.images import IMAGE_SUFFIXES, ImageFormat, encode_pages
+from texproj.formats.models.text import Text, decimals, integers, lines
 from texproj.mesh import TexturedMesh
 
 RELATIVE_DIGITS = 9
 """Digits of a coordinate below the diagonal of the bounding box: beyond single precision."""
 
-UV_FORMAT = "%.7f"
+UV_DIGITS = 7
 """A hundredth of a texel on the largest page."""
 
+NORMAL_DIGITS = 6
 
-def write_obj(
-    path: Path,
-    model: TexturedMesh,
-    image_format: ImageFormat = "png",
-    images: Sequence[bytes] | None = None,
-) -> list[Path]:
-    """Write `path`, its .mtl and an image per page beside it; returns all files.
 
-    Faces are grouped by page, in their order within each. images: the pages where they are
-    encoded as `image_format` already (`encode_pages`). Raises OSError.
+def write_obj(path: Path, model: TexturedMesh, images: Sequence[Path]) -> list[Path]:
+    """Write `path` and its .mtl beside it; returns both.
+
+    images: the files of the pages, in the same folder. Faces are grouped by page, in their order
+    within each. Raises OSError.
     """
-    encoded = encode_pages(model.pages, image_format) if images is None else images
-    suffix = IMAGE_SUFFIXES[image_format]
-    files = [path.with_name(f"{path.stem}_{i}{suffix}") for i in range(len(model.pages))]
-    for file, data in zip(files, encoded, strict=True):
-        file.write_bytes(data)
     materials = path.with_suffix(".mtl")
     untextured = bool((model.page_of_face < 0).any())
-    materials.write_text(_mtl([file.name for file in files], untextured), "utf-8")
-    with path.open("w", encoding="utf-8", newline="\n") as out:
-        out.write(f"mtllib {materials.name}\n")
-        out.write(_lines(f"v {_per_row(_coordinate_format(model.vertices))}", model.vertices))
-        out.write(_lines(f"vt {UV_FORMAT} {UV_FORMAT}", model.uv))
+    materials.write_text(_mtl([file.name for file in images], untextured), "utf-8")
+    with path.open("wb") as out:
+        out.write(f"mtllib {materials.name}\n".encode())
+        out.writelines(_columns(b"v", model.vertices, _coordinate_digits(model.vertices)))
+        out.writelines(_columns(b"vt", model.uv, UV_DIGITS))
         if model.normals is not None:
-            out.write(_lines(f"vn {_per_row('%.6f')}", model.normals))
+            out.writelines(_columns(b"vn", model.normals, NORMAL_DIGITS))
+        numbers = integers(np.arange(1, max(len(model.vertices), len(model.uv)) + 1))
         for page in np.unique(model.page_of_face):
-            out.write(f"usemtl {_material(int(page))}\n")
-            out.write(_faces(model, page))
-    return [path, materials, *files]
+            out.write(f"usemtl {_material(int(page))}\n".encode())
+            out.writelines(_faces(model, page, numbers))
+    return [path, materials]
 
 
 def _material(page: int) -> str:
@@ -64,30 +56,28 @@ def _mtl(images: list[str], untextured: bool) -> str:
     return "\n".join(blocks)
 
 
-def _coordinate_format(vertices: NDArray[np.float64]) -> str:
+def _coordinate_digits(vertices: NDArray[np.float64]) -> int:
     diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0))) or 1.0
-    return f"%.{max(0, RELATIVE_DIGITS - math.floor(math.log10(diagonal)))}f"
+    return max(1, RELATIVE_DIGITS - math.floor(math.log10(diagonal)))
 
 
-def _per_row(number: str) -> str:
-    return " ".join([number] * 3)
+def _columns(word: bytes, values: NDArray[np.float64], digits: int) -> Iterator[bytes]:
+    parts: list[bytes | Text] = [word]
+    for column in values.T:
+        parts += [b" ", decimals(column, digits)]
+    return lines([*parts, b"\n"])
 
 
-def _faces(model: TexturedMesh, page: int) -> str:
+def _faces(model: TexturedMesh, page: int, numbers: Text) -> Iterator[bytes]:
     """`f` lines of one page: vertex, texture vertex (if textured), normal (if any), from 1."""
     rows = model.page_of_face == page
-    corners = [model.faces[rows]]
-    corner = "%d"
-    if page >= 0:
-        corners.append(model.uv_faces[rows])
-        corner += "/%d"
-    if model.normals is not None:
-        corners.append(model.faces[rows])
-        corner += "/%d" if page >= 0 else "//%d"
-    numbers = np.stack(corners, axis=-1) + 1
-    return _lines(f"f {_per_row(corner)}", numbers.reshape(len(numbers), -1))
-
-
-def _lines(line: str, rows: NDArray[Any]) -> str:
-    """One formatted line per row, by a single call into the formatter."""
-    return f"{line}\n" * len(rows) % tuple(rows.ravel().tolist())
+    faces, uv_faces = model.faces[rows], model.uv_faces[rows]
+    parts: list[bytes | Text] = [b"f"]
+    for corner in range(3):
+        vertex = numbers[faces[:, corner]]
+        parts += [b" ", vertex]
+        if page >= 0:
+            parts += [b"/", numbers[uv_faces[:, corner]]]
+        if model.normals is not None:
+            parts += [b"/" if page >= 0 else b"//", vertex]
+    return lines([*parts, b"\n"])

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from texproj.errors import InputError
 from texproj.mesh import ColoredMesh, TexturedMesh
+from texproj.photo import srgb_from_linear
 
 
 def read_model(path: Path) -> TexturedMesh | ColoredMesh:
-    """A model.ply with vertex colors or a model.glb with textures.
+    """A ply with vertex colors, an obj with textures, or a glb with either.
 
-    Raises InputError for a file that is neither.
+    Raises InputError for a file that is neither, and for a glb with images that cannot be read.
     """
     import trimesh  # noqa: PLC0415
 
@@ -26,13 +27,16 @@ def read_model(path: Path) -> TexturedMesh | ColoredMesh:
         faces = np.asarray(part.faces, np.int32)
         return ColoredMesh(np.asarray(part.vertices, np.float64), faces, colors)
     parts = [_Part(scene, node) for node in scene.graph.nodes_geometry]
+    if len(parts) == 1 and parts[0].linear is not None:
+        encoded = np.round(srgb_from_linear(parts[0].linear[:, :3]) * 255).astype(np.uint8)
+        return ColoredMesh(parts[0].vertices, parts[0].faces, encoded)
     if not any(part.page is not None for part in parts):
-        raise InputError(f"{path} has no texture")
+        raise InputError(f"{path} has no texture that can be read")
     return _textured(parts)
 
 
 class _Part:
-    """One primitive of a glb in world coordinates."""
+    """One primitive of a glb, or one material of an obj, in world coordinates."""
 
     def __init__(self, scene: Any, node: str) -> None:
         transform, name = scene.graph[node]
@@ -40,7 +44,9 @@ class _Part:
         self.vertices = np.asarray(geometry.vertices, np.float64) @ transform[:3, :3].T
         self.vertices += transform[:3, 3]
         self.faces = np.asarray(geometry.faces, np.int32)
-        image = getattr(getattr(geometry.visual, "material", None), "baseColorTexture", None)
+        material = getattr(geometry.visual, "material", None)
+        image = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
+        self.linear = getattr(geometry.visual, "vertex_attributes", {}).get("color")
         uv = getattr(geometry.visual, "uv", None)
         self.uv = np.zeros((len(self.vertices), 2)) if uv is None else np.asarray(uv, np.float64)
         self.page: NDArray[np.uint8] | None = None
