@@ -61,8 +61,10 @@ def _parsed(path: Path, kind: str, data: bytes) -> tuple[Vertices, Faces]:
     parsers: list[Callable[[], tuple[Vertices, Faces]]]
     if kind == ".obj":
         parsers = [lambda: _obj(data)]
-    elif kind == ".ply":  # the second one knows mixed polygons and triangle strips
+    elif kind == ".ply":  # the first is fast, the last knows mixed polygons and triangle strips
         parsers = [lambda: _by_trimesh(path, kind, data), lambda: _by_pymeshlab(path)]
+        if b"\nformat binary" in data[:100]:
+            parsers.insert(0, lambda: _by_plyfile(path))
     else:
         parsers = [lambda: _by_trimesh(path, kind, data)]
     reason, found = "", None
@@ -86,6 +88,22 @@ _PARSER_ERRORS = (
     AssertionError, NameError, struct.error,
 )  # fmt: skip
 """What parsers of other hands raise on broken input."""
+
+
+def _by_plyfile(path: Path) -> tuple[Vertices, Faces]:
+    """A binary ply of triangles, straight from the disk. Raises if it holds other polygons."""
+    import plyfile  # noqa: PLC0415
+
+    corners = {"vertex_indices": 3, "vertex_index": 3}
+    known = {"face": corners | {"texcoord": 6}}
+    try:
+        ply = plyfile.PlyData.read(path, mmap="r", known_list_len=known)
+    except plyfile.PlyParseError as error:
+        raise ValueError(str(error)) from None
+    vertex, face = ply["vertex"].data, ply["face"].data
+    names = [name for name in corners if name in face.dtype.names]
+    vertices = np.stack([vertex[axis] for axis in "xyz"], axis=1).astype(np.float64)
+    return vertices, _int32(face[names[0]].reshape(-1, 3))
 
 
 def _by_trimesh(path: Path, kind: str, data: bytes) -> tuple[Vertices, Faces]:
