@@ -4,21 +4,66 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from texproj.color.corrections import Correction
-from texproj.color.gains import Gains, no_gains, solve_gains
+from texproj.color.gains import Gains, no_gains
+from texproj.color.light import LightFit, solve_light
+from texproj.color.overlaps import Doubles, Overlaps, overlaps
 from texproj.color.survey import Survey
+from texproj.color.vignetting import LensLight, lens_lights, lenses_of, light_grid
 from texproj.options import ColorOptions
 
 
 @dataclass(frozen=True, eq=False)
 class Photometry:
-    """The corrections of all photos, and what the report says of them."""
+    """The corrections of all photos, and what the report says of them.
+
+    lenses: the light of each lens that was looked at; exposure_off: (p,) stops that a photo's gain
+    is away from what its EXIF exposure calls for, NaN = unknown.
+    """
 
     corrections: tuple[Correction, ...]
     gains: Gains
+    lenses: tuple[LensLight, ...]
+    exposure_off: Doubles
 
 
 def solve_photometry(survey: Survey, options: ColorOptions) -> Photometry:
     """Corrections of light from what the photos say about the same points."""
-    gains = solve_gains(survey) if options.gains else no_gains(len(survey.shots))
-    return Photometry(tuple(Correction(gain) for gain in gains.factor), gains)
+    photos = len(survey.shots)
+    if not options.gains:
+        gains = no_gains(photos)
+        return Photometry(tuple(map(Correction, gains.factor)), gains, (), np.full(photos, np.nan))
+    seen, exposure = overlaps(survey), log_exposure(survey)
+    lens = lenses_of(survey.shots)
+    fit = solve_light(seen, lens, exposure)
+    lights = lens_lights(seen, lens, fit)
+    believed = np.array([light.believed for light in lights], bool)
+    if not believed.all():
+        kept = np.where(believed, np.cumsum(believed) - 1, -1)
+        lens = np.where(lens >= 0, kept[lens], -1)
+        fit = solve_light(seen, lens, exposure)
+    gains = _gains(seen, fit)
+    corrections = [Correction(gain) for gain in gains.factor]
+    for light in lights:
+        for photo in light.photos if light.believed else ():
+            shot = survey.shots[photo]
+            assert shot is not None
+            corrections[photo] = Correction(gains.factor[photo], light_grid(light, shot.camera))
+    return Photometry(tuple(corrections), gains, tuple(lights), fit.exposure_off / np.log(2))
+
+
+def log_exposure(survey: Survey) -> Doubles:
+    """(p,) log of the light that the photos gathered according to EXIF, NaN = unknown."""
+    ev = [shot.info.exposure_ev if shot and shot.info else None for shot in survey.shots]
+    return np.array([np.nan if value is None else value * np.log(2) for value in ev])
+
+
+def _gains(seen: Overlaps, fit: LightFit) -> Gains:
+    spread = [
+        float(np.median(fit.residual[seen.photo == photo])) if count else 0.0
+        for photo, count in enumerate(seen.count)
+    ]
+    factor = np.exp(fit.log_gain).astype(np.float32)
+    return Gains(factor, np.array(spread, np.float32), seen.count)

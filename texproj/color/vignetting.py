@@ -1,0 +1,112 @@
+"""Light that a lens loses towards the corners: which photos share a lens, and whether what was
+found can be believed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.camera import Camera
+from texproj.color.light import POWERS, LightFit
+from texproj.color.overlaps import Doubles, Overlaps
+from texproj.color.points import Floats
+from texproj.color.survey import Shot
+
+SAME_FOCAL = 0.03
+"""Relative difference of focal lengths up to which photos may be of one lens: what a registration
+of each photo alone leaves."""
+
+SURE = 3.0
+"""Standard deviations from none that light at the corners must be."""
+
+LEAST = 0.01
+"""Log light at the corners under which there is nothing to correct."""
+
+MOST = 2.0
+"""Log light at the corners beyond which it is no lens: two diaphragms are 1.4."""
+
+REACHED = 0.99
+"""Part of the observations that lie within the radius up to which the lens is known."""
+
+GRID = 48
+"""Nodes of a grid of light along the picture's longer side: bilinear between them, the light of a
+lens that loses half of it in the corners is off by less than 0.1 %."""
+
+
+@dataclass(frozen=True, eq=False)
+class LensLight:
+    """The light of one lens.
+
+    photos: (k,) that are of it; coefficients: (POWERS,) of the log light in r^2, r^4, ..., r in
+    half diagonals; reach: radius up to which it was seen, constant beyond; corner: factor on the
+    light there; sigma: standard deviation of its logarithm; believed: whether it is corrected.
+    """
+
+    photos: NDArray[np.intp]
+    coefficients: Doubles
+    reach: float
+    corner: float
+    sigma: float
+    believed: bool
+
+
+def lenses_of(shots: Sequence[Shot | None]) -> NDArray[np.intp]:
+    """(p,) number of each photo's lens, -1 for a photo that could not be had.
+
+    One lens: the same camera body and picture size, focal lengths that are close.
+    """
+    kinds: dict[tuple[str, int, int], list[tuple[float, int]]] = {}
+    for number, shot in enumerate(shots):
+        if shot is not None:
+            width, height = sorted((shot.camera.width, shot.camera.height))
+            body = shot.info.camera_body if shot.info else ""
+            focal = float(np.log(shot.camera.intrinsics.fx))
+            kinds.setdefault((body, width, height), []).append((focal, number))
+    out, lens = np.full(len(shots), -1, np.intp), -1
+    for kind in kinds.values():
+        before = -np.inf
+        for focal, number in sorted(kind):
+            lens += focal - before > SAME_FOCAL
+            out[number], before = lens, focal
+    return out
+
+
+def lens_lights(seen: Overlaps, lens: NDArray[np.intp], fit: LightFit) -> list[LensLight]:
+    """What was found of each lens, judged."""
+    return [_judged(seen, lens, fit, number) for number in range(len(fit.log_light))]
+
+
+def _judged(seen: Overlaps, lens: NDArray[np.intp], fit: LightFit, number: int) -> LensLight:
+    squared = seen.squared_radius[lens[seen.photo] == number]
+    reach = float(np.sqrt(np.quantile(squared, REACHED))) if len(squared) else 0.0
+    coefficients = fit.log_light[number]
+    corner = _powers(np.array([reach]))[0]
+    at = seen.photos + POWERS * number + np.arange(POWERS)
+    sigma = float(np.sqrt(corner @ fit.covariance[np.ix_(at, at)] @ corner))
+    log_light = _powers(np.linspace(0, reach, 50)) @ coefficients
+    falling = bool((np.diff(log_light) <= 0).all())
+    loss = -float(log_light[-1])
+    believed = falling and max(LEAST, SURE * sigma) < loss < MOST
+    photos = np.flatnonzero(lens == number)
+    return LensLight(photos, coefficients, reach, float(np.exp(-loss)), sigma, believed)
+
+
+def light_grid(light: LensLight, camera: Camera) -> Floats:
+    """(h, w) float32 factor on the light that takes the lens's away."""
+    k = camera.intrinsics
+    scale = GRID / max(k.width, k.height)
+    width, height = (max(2, round(size * scale)) for size in (k.width, k.height))
+    x = (np.arange(width) + 0.5) * k.width / width - k.cx
+    y = (np.arange(height) + 0.5) * k.height / height - k.cy
+    radius = np.hypot(x, y[:, None]) / (np.hypot(k.width, k.height) / 2)
+    log_light = _powers(np.minimum(radius, light.reach).ravel()) @ light.coefficients
+    return np.exp(-log_light).reshape(radius.shape).astype(np.float32)
+
+
+def _powers(radius: Doubles) -> Doubles:
+    """(n, POWERS) of radii (n,)."""
+    return (radius**2)[:, None] ** np.arange(1, POWERS + 1)
