@@ -9,7 +9,6 @@ from dataclasses import Field, asdict, field, fields, make_dataclass
 from typing import Annotated, Any, get_type_hints
 
 from cyclopts import Parameter
-from pydantic import TypeAdapter
 
 from texproj.options import options_from
 from texproj.settings import SECTIONS, Settings
@@ -71,7 +70,7 @@ def _flags(section: str) -> list[tuple[str, Any]]:
 
 
 def _flag(cls: type, option: Field[Any], hint: Any) -> Any:
-    text = TypeAdapter(cls).json_schema()["properties"][option.name].get("description", "")
+    text = vars(cls)["__pydantic_fields__"][option.name].description or ""
     shown = "none" if option.default is None else option.default
     return Annotated[hint | None, Parameter(help=f"{' '.join(text.split())} [default: {shown}]")]
 
