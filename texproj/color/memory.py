@@ -12,6 +12,14 @@ LARGE = 8 << 20
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8  # malloc.h of glibc
 
 
+def trim() -> None:
+    """Give back what glibc keeps of freed memory."""
+    if sys.platform == "linux":
+        release = getattr(ctypes.CDLL(None), "malloc_trim", None)
+        if release is not None:
+            release(0)
+
+
 @cache
 def return_freed_memory() -> bool:
     """Tell glibc not to keep large blocks and not to make a heap for each thread, which measured

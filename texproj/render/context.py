@@ -26,12 +26,19 @@ def open_renderer(options: RenderOptions | None = None) -> Renderer:
         return CPURenderer()
     ctx, reason = _gl_context()
     if ctx is not None:
-        return GLRenderer(ctx)
+        return GLRenderer(ctx, remake=_gl_context_again)
     if wanted == "gl":
         raise RenderError(
             f"OpenGL is not available here ({reason}). On Debian or Ubuntu: {APT_LINE}"
         )
     return CPURenderer(reason)
+
+
+def _gl_context_again() -> Any:
+    ctx, reason = _gl_context()
+    if ctx is None:
+        raise RenderError(f"OpenGL is no longer available ({reason}); try the renderer cpu.")
+    return ctx
 
 
 def _gl_context() -> tuple[Any | None, str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -33,15 +33,22 @@ EMPTY = {"depth": np.inf, "face": -1}
 class GLRenderer:
     """An OpenGL context without a window."""
 
-    def __init__(self, ctx: moderngl.Context, tile_px: int = TILE_PX) -> None:
-        self.ctx = ctx
+    def __init__(
+        self,
+        ctx: moderngl.Context,
+        tile_px: int = TILE_PX,
+        remake: Callable[[], moderngl.Context] | None = None,
+    ) -> None:
+        """`remake`: another context of the same kind; without it the renderer does not rest."""
+        self.ctx, self._remake = ctx, remake
+        self.scenes = 0
         limits = (ctx.info["GL_MAX_TEXTURE_SIZE"], *ctx.info["GL_MAX_VIEWPORT_DIMS"])
         self.limit = min(tile_px, *limits)
         version = f"{ctx.version_code // 100}.{ctx.version_code // 10 % 10}"
         self.name = f"OpenGL {version} ({ctx.info['GL_RENDERER']})"
         self.fallback_reason: str | None = None
         self.closed = False
-        self._lock, self._inside = threading.RLock(), False
+        self._lock, self._inside, self._resting = threading.RLock(), False, False
         with ctx:  # and then current in no thread
             pass
 
@@ -78,14 +85,27 @@ class GLRenderer:
 
     def load(self, mesh: Mesh, ambient_occlusion: Floats | None = None) -> GLScene:
         """The mesh on the card; close the scene (or use `with`) to release it."""
+        if self._resting and self._remake is not None:
+            self.ctx, self._resting = self._remake(), False
+            with self.ctx:
+                pass
         with self.current():
-            return GLScene(self, Surface(mesh, ambient_occlusion))
+            scene = GLScene(self, Surface(mesh, ambient_occlusion))
+        self.scenes += 1
+        return scene
+
+    def rest(self) -> None:
+        """Release the context, unless a scene is open; the next one gets a new one."""
+        if self._remake is not None and not (self.scenes or self.closed or self._resting):
+            self._resting = True
+            self.ctx.release()
 
     def close(self) -> None:
         """Release the context, and with it every scene."""
         if not self.closed:
             self.closed = True
-            self.ctx.release()
+            if not self._resting:
+                self.ctx.release()
 
 
 class GLScene:
@@ -118,6 +138,7 @@ class GLScene:
             for block in self._blocks.values():
                 block.release()
         self._target, self._programs, self._blocks = None, {}, {}
+        self._renderer.scenes -= 1
 
     def gbuffer(
         self, camera: Camera, channels: Iterable[str] = ("depth", "normal", "face", "ao")

@@ -51,6 +51,9 @@ class Renderer(Protocol):
     def load(self, mesh: Mesh, ambient_occlusion: NDArray[np.float32] | None = None) -> Scene:
         """The mesh (world, any coordinates) with, if given, (V,) ambient occlusion."""
 
+    def rest(self) -> None:
+        """Give memory back until the next mesh is loaded, unless a scene is open."""
+
     def close(self) -> None:
         """Release what the renderer holds."""
 

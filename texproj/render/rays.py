@@ -117,6 +117,9 @@ class CPURenderer:
         """The mesh in the ray caster."""
         return CPUScene(Surface(mesh, ambient_occlusion))
 
+    def rest(self) -> None:
+        """Nothing to give back."""
+
     def close(self) -> None:
         """Nothing to release."""
 
