@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,6 +25,11 @@ CANDIDATES = 8000
 
 MEASURED = 400
 """Places at which a photo is measured: the first of those that it sees."""
+
+BLOCK = 32
+"""Patches that are looked up at once."""
+
+GRAY = np.array([[0.25, 0.5, 0.25]], np.float32)
 
 SIDE = 32
 """Points along the edge of a patch, as far apart as the points to be colored."""
@@ -83,9 +89,9 @@ class DetailMeter:
         xy_px, seen = self._seen(sight, view)
         if len(seen) == 0:
             return
-        light = self._patches(seen, sight, view)
-        mean = light.mean(axis=(1, 2))
-        energy, quiet = energies(light / np.maximum(mean, DARKEST)[:, None, None])
+        blocks = np.array_split(seen, -(-len(seen) // BLOCK))
+        measured = (self._measured(block, sight, view) for block in blocks)
+        mean, energy, quiet = map(np.concatenate, zip(*measured, strict=True))
         level = np.quantile(quiet * mean, QUIETEST) * (0.75 / QUIET_NOISE)
         sound = (mean > DARKEST) & (mean < BRIGHTEST)
         place = (xy_px + 0.5) / (view.camera.width, view.camera.height)
@@ -114,6 +120,14 @@ class DetailMeter:
         kept = np.flatnonzero(weight > UNDOUBTED)[:MEASURED]
         return xy_px[kept], facing_it[kept]
 
+    def _measured(
+        self, seen: NDArray[np.intp], sight: Sight, view: PhotoView
+    ) -> tuple[Floats, Floats, Floats]:
+        """(k,) mean light of patches and what `energies` says of them."""
+        light = self._patches(seen, sight, view)
+        mean = light.mean(axis=(1, 2))
+        return mean, *energies(light / np.maximum(mean, DARKEST)[:, None, None])
+
     def _patches(self, seen: NDArray[np.intp], sight: Sight, view: PhotoView) -> Floats:
         """(k, SIDE, SIDE) linear light of the patches."""
         places, owner = self._places, self._chunk.owner[seen]
@@ -125,8 +139,7 @@ class DetailMeter:
         many = Chunk(xyz.reshape(-1, 3), np.repeat(owner, SIDE * SIDE))
         xy_px = project(many, np.ones(len(many), np.float32), sight, view)
         level = sight.level[many.owner] if sight.level.any() else None
-        rgb = read_colors(view, xy_px, level).reshape(-1, 3)[: len(many)]
-        gray = rgb.astype(np.float32) @ np.array([0.25, 0.5, 0.25], np.float32)
+        gray = cv2.transform(read_colors(view, xy_px, level), GRAY).reshape(-1)[: len(many)]
         return (gray * np.float32(1 / WHITE)).reshape(-1, SIDE, SIDE)
 
 
