@@ -91,6 +91,9 @@ class ColorOptions:
     texels_per_pixel: Annotated[float, Field(gt=0, le=4)] = 1.0
     """Texels along a line per pixel of the photo that shows the surface best."""
 
+    checker: Annotated[str, Field(min_length=1)] | None = None
+    """Photo of a 24-patch color chart that makes the colors absolute: a path in the project."""
+
     bits: Literal[8, 16] = 8
     """Bits per channel of the obj's images (png or tiff). Other files hold 8, but a glb's vertex
     colors are in floating point."""

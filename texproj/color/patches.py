@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.camera import Camera
+from texproj.color.absolute import absolute_matrix, in_absolute
 from texproj.color.atlas import Atlas
 from texproj.color.depths import Depths
 from texproj.color.gains import Gains
@@ -37,6 +38,7 @@ from texproj.color.segmentation import DualGraph, dual_graph
 from texproj.color.sight import Sight, sight_of
 from texproj.color.spill import Spill
 from texproj.color.texels import TexelPoints
+from texproj.color.texture import encoded
 from texproj.color.threads import ahead, in_parallel
 from texproj.color.unseen import fill_unseen
 from texproj.color.view import WHITE, PhotoView
@@ -82,7 +84,9 @@ def color_patches(
         shots = _Shots(cameras, load_photo, depths, settings.color)
         shown = views_ahead(cameras, load_photo, depths, survey)
         spill, evidence = project_views(points, shown, len(cameras), survey, scratch, steps.first)
-        gains = solve_photometry(evidence, settings.color).gains
+        light = solve_photometry(evidence, settings.color)
+        absolute, checker = absolute_matrix(settings.color, evidence, light)
+        gains = light.gains
         views = face_views(points, cameras, spill, gains, settings.color, patch)
         labels = _labels(mesh, views, dual_graph(mesh), patch)
         blends = patch_blends(mesh, labels, views, patch.strip_px, patch.level_px)
@@ -90,11 +94,11 @@ def color_patches(
         texels = TexelPoints.of(mesh, atlas, scratch)
         pixels = _cut(texels, mesh, atlas, blends, gains, shots, steps)
         del points, spill, views, blends, shots  # before the pages are made
-        pages, counts = _bake(texels, atlas, pixels, settings.color)
+        pages, counts = _bake(texels, atlas, pixels, absolute, settings.color)
         fill_unseen(mesh, atlas, texels, pages, counts)
         for number, page in enumerate(pages):
             fill_page(page, texels.inside(number, page.shape))
-    quality = quality_of(mesh, atlas, labels, gains)
+    quality = quality_of(mesh, atlas, labels, gains) | checker
     return Texture(atlas, tuple(pages), tuple(counts), quality)
 
 
@@ -234,9 +238,12 @@ def at_texels(maps: Floats, values: Floats, x: Floats, y: Floats) -> Floats:
 
 
 def _bake(
-    texels: TexelPoints, atlas: Atlas, pixels: Spill, options: ColorOptions
+    texels: TexelPoints, atlas: Atlas, pixels: Spill, absolute: Floats | None, options: ColorOptions
 ) -> tuple[list[NDArray[Any]], list[NDArray[np.uint8]]]:
-    """The pages, and how many photos each texel is from; 0 = not seen."""
+    """The pages, and how many photos each texel is from; 0 = not seen.
+
+    absolute: (3, 3) matrix on the linear light, if any.
+    """
     kind, top = (np.uint8, 255) if options.bits == 8 else (np.uint16, 65535)
     table = np.round(ENCODING * top).astype(kind)
     pages = [np.zeros((h, w, 3), kind) for w, h in atlas.page_sizes]
@@ -249,7 +256,11 @@ def _bake(
             share = stack.weight / np.maximum(total, np.float32(1e-20))
             root = np.einsum("pn,pcn->nc", share, stack.rgb)
             page = texels.tiles[number].page
-            texels.place(number, pages[page], table[(root.clip(0, 1) * 65535).astype(np.uint16)])
+            if absolute is None:
+                colors = table[(root.clip(0, 1) * 65535).astype(np.uint16)]
+            else:
+                colors = encoded(in_absolute(root * root, absolute), options.bits)
+            texels.place(number, pages[page], colors)
             seen = np.count_nonzero(stack.weight, axis=0).clip(0, 255).astype(np.uint8)
             texels.place(number, counts[page], seen)
 

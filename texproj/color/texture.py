@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.camera import Camera
+from texproj.color.absolute import absolute_matrix, in_absolute
 from texproj.color.atlas import Atlas
-from texproj.color.combine import Blend, blend
+from texproj.color.combine import blend
 from texproj.color.corrections import corrected, gains_of, grids_of
 from texproj.color.density import texels_per_unit
 from texproj.color.depths import Depths
@@ -22,6 +23,7 @@ from texproj.color.focus import distrusting, solve_focus
 from texproj.color.memory import return_freed_memory
 from texproj.color.pages import fill_page
 from texproj.color.photometry import Photometry, solve_photometry
+from texproj.color.points import Floats
 from texproj.color.project import LoadPhoto, Progress, project_views, views_ahead
 from texproj.color.quality import coverage, per_photo
 from texproj.color.result import Texture
@@ -68,11 +70,13 @@ def color_texture(
         spill, survey = project_views(points, views, len(cameras), options, scratch, progress)
         light, focus = solve_photometry(survey, options), solve_focus(survey, options)
         light = replace(light, corrections=distrusting(light.corrections, focus))
-        pages, counts, share = bake(points, atlas, spill, cameras, light, options)
+        absolute, checker = absolute_matrix(options, survey, light)
+        pages, counts, share = bake(points, atlas, spill, cameras, light, absolute, options)
         fill_unseen(mesh, atlas, points, pages, counts)
         for number, page in enumerate(pages):
             fill_page(page, points.inside(number, page.shape))
     quality = coverage(counts, sum(points.sizes)) | {"photos": per_photo(light, focus, share)}
+    quality |= checker
     return Texture(atlas, tuple(pages), tuple(counts), quality)
 
 
@@ -82,10 +86,11 @@ def bake(
     spill: Spill,
     cameras: Sequence[Camera],
     light: Photometry,
+    absolute: Floats | None,
     options: ColorOptions,
 ) -> tuple[list[NDArray[Any]], list[NDArray[np.uint8]], NDArray[np.float64]]:
     """Blend the samples of all photos: pages, photo counts, and each photo's part of the colors in
-    texels. What is unseen stays 0.
+    texels. What is unseen stays 0. absolute: (3, 3) matrix on the blended light, if any.
     """
     kind = np.uint8 if options.bits == 8 else np.uint16
     pages = [np.zeros((h, w, 3), kind) for w, h in atlas.page_sizes]
@@ -97,7 +102,7 @@ def bake(
         stack = corrected(spill.read(number), points, number, grids)
         result = blend(stack, gains, options)
         page = points.tiles[number].page
-        points.place(number, pages[page], encoded(result, options.bits))
+        points.place(number, pages[page], encoded(in_absolute(result.rgb, absolute), options.bits))
         points.place(number, counts[page], np.minimum(result.photo_count, 255).astype(np.uint8))
         np.add.at(share, stack.photos, result.share)
 
@@ -105,8 +110,8 @@ def bake(
     return pages, counts, share
 
 
-def encoded(result: Blend, bits: int) -> NDArray[Any]:
-    """(n, 3) sRGB, 8 or 16 bit."""
+def encoded(rgb: Floats, bits: int) -> NDArray[Any]:
+    """(n, 3) linear light to sRGB of 8 or 16 bit."""
     if bits == 8:
-        return ENCODING[(np.clip(result.rgb, 0, 1) * 65535).astype(np.uint16)]
-    return np.round(srgb_from_linear(result.rgb) * 65535).astype(np.uint16)
+        return ENCODING[(np.clip(rgb, 0, 1) * 65535).astype(np.uint16)]
+    return np.round(srgb_from_linear(rgb) * 65535).astype(np.uint16)

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from texproj.camera import Camera
+from texproj.color.absolute import absolute_matrix, in_absolute
 from texproj.color.combine import blend
 from texproj.color.corrections import corrected, gains_of, grids_of
 from texproj.color.fill import fill_vertices
@@ -50,12 +51,14 @@ def color_vertices(
         light, focus = solve_photometry(survey, options), solve_focus(survey, options)
         light = replace(light, corrections=distrusting(light.corrections, focus))
         gains, grids = gains_of(light.corrections), grids_of(cameras, light.corrections)
+        absolute, checker = absolute_matrix(options, survey, light)
         for chunk in range(len(points.sizes)):
             part = points.rows(chunk)
             stack = corrected(spill.read(chunk), points, chunk, grids)
             result = blend(stack, gains, options)
-            rgb[part], weight[part] = result.rgb, result.weight
+            rgb[part], weight[part] = in_absolute(result.rgb, absolute), result.weight
             count[part] = result.photo_count
             share[stack.photos] += result.share
     quality = coverage([count], len(count)) | {"photos": per_photo(light, focus, share)}
+    quality |= checker
     return VertexColors(fill_vertices(mesh, rgb, weight > 0), weight, count, quality)

@@ -13,10 +13,12 @@ from texproj.color.vertices import color_vertices
 from texproj.errors import InputError, OutputError, nearest_name
 from texproj.files import json_hash, staging
 from texproj.formats.cameras import entry_of_record
+from texproj.options import ColorOptions
 from texproj.photo import Photo
 from texproj.project import Project
 from texproj.records import CameraRecord
 from texproj.stages.bench import Workbench
+from texproj.stages.checking import checker_path, color_options
 from texproj.stages.freshness import (
     Freshness,
     Inputs,
@@ -60,7 +62,7 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
     inputs = _inputs(project)
     cameras, failed = usable_cameras(project)
     photos = _Photos(project, list(cameras), failed)
-    quality, write = _made(bench, list(cameras.values()), photos, progress)
+    quality, write = _made(bench, cameras, photos, progress)
     if not set(cameras) - set(failed):
         raise InputError(f"no photo could be read: {'; '.join(failed.values())}")
     with staging(project.out) as folder:
@@ -141,30 +143,34 @@ class _Photos:
 
 
 def _made(
-    bench: Workbench, cameras: list[Camera], photos: _Photos, progress: Progress
+    bench: Workbench, known: dict[str, Camera], photos: _Photos, progress: Progress
 ) -> tuple[dict[str, Any], Write]:
     """The numbers of the model, and what writes it into a folder and returns the file names."""
 
     def tell(done: int, total: int) -> None:
         progress(STAGE, done, total, "")
 
-    options = bench.project.settings.options("color")
+    options, cameras = color_options(bench.project, list(known)), list(known.values())
     plan = output_plan(options, bench.project.settings.options("output"))
     if options.to == "vertices":
         colors = color_vertices(bench.mesh, cameras, photos, bench.renderer, options, tell)
         return colors.quality, lambda folder: write_vertices(folder, bench.source, colors, plan)
-    texture = _texture(bench, cameras, photos, tell)
+    texture = _texture(bench, options, cameras, photos, tell)
     return texture.quality, lambda folder: write_texture(folder, bench.mesh, texture, plan)
 
 
 def _texture(
-    bench: Workbench, cameras: list[Camera], photos: _Photos, tell: Callable[[int, int], None]
+    bench: Workbench,
+    options: ColorOptions,
+    cameras: list[Camera],
+    photos: _Photos,
+    tell: Callable[[int, int], None],
 ) -> Texture:
     from texproj.color.patches import PatchSettings, color_patches  # noqa: PLC0415 - slow to load
     from texproj.color.texture import color_texture  # noqa: PLC0415
 
     settings = bench.project.settings
-    options, unwrap = settings.options("color"), settings.options("unwrap")
+    unwrap = settings.options("unwrap")
     if options.to == "patches":
         patches = PatchSettings(options, settings.options("patches"), unwrap)
         return color_patches(bench.mesh, cameras, photos, bench.renderer, patches, tell)
@@ -172,10 +178,12 @@ def _texture(
 
 
 def _inputs(project: Project) -> Inputs:
+    chart = checker_path(project)
     records = {n: r for n, r in project.load_cameras().items() if n in project.photo_paths}
     return {
         **options_inputs(project, VERSION, *SECTIONS),
         **file_inputs(project, mesh=project.mesh_path),
+        **({"color chart": project.hash_of(chart) or "none"} if chart else {}),
         **{k: v for n, r in records.items() for k, v in _photo_inputs(project, n, r).items()},
     }
 
