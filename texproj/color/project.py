@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 from texproj.camera import Camera
 from texproj.color.depths import Depths
@@ -10,7 +11,7 @@ from texproj.color.points import PointSource
 from texproj.color.prepare import photo_view, view_of
 from texproj.color.sample import sample
 from texproj.color.scratch import Scratch
-from texproj.color.sight import Sight, sight_of
+from texproj.color.sight import sight_of
 from texproj.color.spill import Spill
 from texproj.color.survey import Survey, Surveyor
 from texproj.color.threads import ahead, in_parallel
@@ -70,11 +71,7 @@ def project_views(
     spill, surveyor = Spill(points.sizes, scratch), Surveyor(points, count, options.focus_power > 0)
     for number, view in enumerate(views):
         if view is not None:
-            sight = sight_of(
-                points.owners, view.camera, view.depth_camera, len(view.levels), options
-            )
-            surveyor.add(number, sight, view)
-            add_photo(spill, number, points, sight, view)
+            add_photo(spill, surveyor, number, points, view, options)
         del view  # before the next one is made
         if progress:
             progress(number + 1, count)
@@ -82,13 +79,22 @@ def project_views(
 
 
 def add_photo(
-    spill: Spill, number: int, points: PointSource, sight: Sight, view: PhotoView
+    spill: Spill,
+    surveyor: Surveyor,
+    number: int,
+    points: PointSource,
+    view: PhotoView,
+    options: ColorOptions,
 ) -> None:
-    """Append what one photo says about every chunk of the points."""
+    """Append what one photo says about every chunk of the points, and to the survey."""
+    sight = sight_of(points.owners, view.camera, view.depth_camera, len(view.levels), options)
 
     def one(chunk: int) -> None:
         samples = sample(points.chunk(chunk), sight, view)
         if samples is not None:
             spill.add(number, chunk, samples)
 
-    in_parallel(one, range(len(points.sizes)))
+    with ThreadPoolExecutor(1) as beside:
+        surveyed = beside.submit(surveyor.add, number, sight, view)
+        in_parallel(one, range(len(points.sizes)))
+        surveyed.result()
