@@ -1,5 +1,6 @@
 """The command line: what a user types, what comes back, and what happens to bad input."""
 
+import errno
 import json
 import os
 import re
@@ -113,6 +114,35 @@ def test_new_refuses_a_folder_with_something_in_it(demo_folder, tmp_path, capsys
 
     assert run("new", tmp_path, "--mesh", mesh, "--photos", demo_folder / "photos") == 2
     assert "exists and is not empty" in complaint(capsys)
+
+
+def test_new_refuses_photos_that_differ_only_in_their_ending(demo_folder, tmp_path, capsys):
+    """Masks and picks are found by the name without it: said before anything is made."""
+    photo = next((demo_folder / "photos").iterdir())
+    for name in ("a.jpg", "a.png"):
+        shutil.copy(photo, tmp_path / name)
+    made, mesh = tmp_path / "p", demo_folder / "mesh" / "scan.ply"
+
+    assert run("new", made, "--mesh", mesh, "--photos", tmp_path / "a.jpg", tmp_path / "a.png") == 2
+    assert "a.jpg and a.png differ only" in complaint(capsys)
+    assert not made.exists()
+
+
+def test_new_on_a_full_disk_leaves_nothing_behind(demo_folder, tmp_path, capsys, monkeypatch):
+    """The third file does not fit: what was copied before it is taken away again."""
+    copied: list[str] = []
+
+    def copy(source, target):
+        if len(copied) == 2:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        copied.append(target.write_bytes(source.read_bytes()))
+
+    monkeypatch.setattr("texproj.files.shutil.copyfile", copy)
+    mesh, photos = demo_folder / "mesh" / "scan.ply", demo_folder / "photos"
+
+    assert run("new", tmp_path / "p", "--mesh", mesh, "--photos", photos) == 2
+    assert "disk is full" in complaint(capsys)
+    assert len(copied) == 2 and not list(tmp_path.iterdir())
 
 
 def test_doctor_tells_of_the_renderers(capsys):
@@ -263,8 +293,6 @@ def test_a_read_only_out_folder_is_said(project_folder, capsys):
 
 def test_a_full_disk_keeps_the_old_model(project_folder, capsys, monkeypatch):
     """The model that was there before is intact, byte for byte."""
-    import errno
-
     only_points(project_folder)
     run("run", project_folder, "--color.to", "vertices")
     old = (project_folder / "out" / "model.ply").read_bytes()
@@ -274,7 +302,7 @@ def test_a_full_disk_keeps_the_old_model(project_folder, capsys, monkeypatch):
         project_folder / "truth" / "masks" / f"{Path(name).stem}.png", project_folder / "masks"
     )
 
-    def full(folder, source, colors):
+    def full(folder, *_):
         (folder / "model.ply").write_bytes(old[:100])
         raise OSError(errno.ENOSPC, "No space left on device")
 

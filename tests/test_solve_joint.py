@@ -10,6 +10,7 @@ from texproj.solve.joint import Anchors, JointPoses, Lenses, Ties, scaled_focal
 from texproj.solve.lm import minimize
 
 LENSES = Lenses(np.array([0, 1, 0]), np.log([700.0, 700.0]), 0.01, np.array([True, True]))
+SIGMA_PX = np.array([0.5, 0.25, 1.5])
 LENS = Intrinsics(800, 600, 700, 705, 390, 310, (-0.1, 0.03, 1e-3, -5e-4, 0))
 
 
@@ -53,7 +54,7 @@ def anchored(cameras, rng, sigma_px=1.0) -> Anchors:
 
 def problem(cameras, rng, noise_px=0.0, fixed=(False, False, False)) -> JointPoses:
     ties = ties_between(cameras, rng, noise_px=noise_px)
-    return JointPoses(ties, anchored(cameras, rng), LENSES, 0.5, np.array(fixed))
+    return JointPoses(ties, anchored(cameras, rng), LENSES, SIGMA_PX, np.array(fixed))
 
 
 def test_the_residual_is_zero_at_the_truth():
@@ -82,6 +83,16 @@ def test_derivatives_are_those_of_central_differences(which):
 
     assert np.abs(told.toarray() - np.stack(columns, axis=1)).max() < 1e-3 * np.abs(told).max()
     assert np.abs(told.toarray() - np.stack(columns, axis=1)).max() < 1e-4 * 800
+
+
+def test_each_photo_has_its_own_noise():
+    """A pixel off counts for one over that photo's noise, whatever the others' is."""
+    cameras = three_cameras()
+    joint = problem(cameras, np.random.default_rng(1))
+    shifted = replace(joint.ties, to_px=joint.ties.to_px + np.array([1.0, 0.0]))
+    off = -replace(joint, ties=shifted).residual(cameras)[:, 0]
+
+    assert off == pytest.approx(1 / SIGMA_PX[joint.ties.to])
 
 
 def test_cameras_that_are_fixed_do_not_move_and_lead_the_others():

@@ -6,6 +6,7 @@ Everything is read on demand and written to a temporary name, then renamed.
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.errors import InputError, OutputError, UsageError, nearest_name
+from texproj.errors import InputError, OutputError, TexprojError, UsageError, nearest_name
 from texproj.files import (
     file_hash,
     link_or_copy,
@@ -59,7 +60,9 @@ class Project:
             raise InputError(f"no project folder at {root}; make one with `texproj new {root} ...`")
         path = root / SETTINGS_FILE
         try:
-            text = path.read_text(encoding="utf-8") if path.is_file() else ""
+            text = path.read_text(encoding="utf-8") if path.exists() else ""
+        except OSError as error:
+            raise InputError(f"{path} cannot be read: {error.strerror}") from None
         except UnicodeDecodeError:
             raise InputError(f"{path} is not a text file in UTF-8; save it as one") from None
         return cls(root, read_settings(text, str(path)))
@@ -101,14 +104,7 @@ class Project:
         if not found:
             kinds = ", ".join(s[1:] for s in PHOTO_SUFFIXES)
             raise InputError(f"no photos in {folder}; put some there ({kinds})")
-        stems: dict[str, str] = {}
-        for path in found:
-            if path.stem in stems:
-                raise InputError(
-                    f"{stems[path.stem]} and {path.name} in {folder} differ only in their ending, "
-                    f"so masks and correspondences cannot tell them apart; rename one"
-                )
-            stems[path.stem] = path.name
+        _refuse_same_stems(found)
         return {path.name: path for path in found}
 
     @property
@@ -170,7 +166,7 @@ class Project:
 
     def load_cameras(self) -> dict[str, CameraRecord]:
         """The entries of cameras.json by photo name; empty if there is no such file."""
-        if not self.cameras_path.is_file():
+        if not self.cameras_path.exists():
             return {}
         return {record.file: record for record in read_cameras(self.cameras_path).records}
 
@@ -180,11 +176,32 @@ class Project:
         Raises OutputError.
         """
         path = self.cameras_path
-        old = read_cameras(path) if path.is_file() else None
+        old = read_cameras(path) if path.exists() else None
         merged = {r.file: r for r in old.records} if old else {}
         merged.update({record.file: record for record in records})
         ordered = [merged[name] for name in sorted(merged)]
         write_atomically(path, cameras_json(ordered, old.extra if old else {}))
+
+    def save_registration(
+        self, records: Sequence[CameraRecord], stage: str, name: str | None, made: dict[str, Any]
+    ) -> None:
+        """Write `records` to cameras.json and `made`, the record of how they came about: both, or,
+        where one cannot be written, neither. Raises OutputError.
+        """
+        path = self.record_path(stage, name)
+        with staging(path.parent) as folder:
+            (folder / path.name).write_text(json.dumps(made, indent=1), encoding="utf-8")
+            self.save_cameras(records)
+
+    def check_writable(self) -> None:
+        """Raise OutputError where results could not be written, before any work is spent on them.
+
+        Makes no folder.
+        """
+        for folder in (self.root, self.work, self.out):
+            if folder.exists():
+                with staging(folder):
+                    pass
 
     # --- what the machine makes
 
@@ -268,6 +285,17 @@ def create_project(root: Path, mesh: Path, photos: Sequence[Path], link: bool) -
         kinds = ", ".join(s[1:] for s in MESH_SUFFIXES)
         raise InputError(f"{mesh} is not a mesh that texproj reads ({kinds})")
     sources = _photo_sources(photos)
+    existed = root.exists()
+    try:
+        _fill(root, mesh, sources, link)
+    except TexprojError:
+        for made in root.iterdir() if existed else [root]:
+            shutil.rmtree(made, ignore_errors=True)
+        raise
+    return Project.open(root)
+
+
+def _fill(root: Path, mesh: Path, sources: Sequence[Path], link: bool) -> None:
     try:
         for folder in ("mesh", "photos", "masks", "correspondences"):
             (root / folder).mkdir(parents=True, exist_ok=True)
@@ -278,7 +306,6 @@ def create_project(root: Path, mesh: Path, photos: Sequence[Path], link: bool) -
         link_or_copy(source, root / "photos" / source.name, link)
     lines = f'mesh = "mesh/{mesh.name}"\nphotos = "photos"\n'
     write_atomically(root / SETTINGS_FILE, NEW_SETTINGS.format(lines=lines))
-    return Project.open(root)
 
 
 def _photo_sources(photos: Sequence[Path]) -> list[Path]:
@@ -298,7 +325,19 @@ def _photo_sources(photos: Sequence[Path]) -> list[Path]:
             sources[path.name] = path
     if not sources:
         raise UsageError("give at least one photo, or a folder of photos")
+    _refuse_same_stems(sources.values())
     return list(sources.values())
+
+
+def _refuse_same_stems(photos: Iterable[Path]) -> None:
+    stems: dict[str, Path] = {}
+    for path in photos:
+        if path.stem in stems:
+            raise InputError(
+                f"{stems[path.stem]} and {path.name} differ only in their ending, "
+                f"so masks and correspondences cannot tell them apart; rename one"
+            )
+        stems[path.stem] = path
 
 
 def _files(folder: Path, suffixes: Sequence[str]) -> list[Path]:

@@ -37,6 +37,12 @@ def _call(app: App, words: list[str]) -> int:
         return _refuse(words, f"{error} (see `texproj {_command(words)}--help`)")
     except TexprojError as error:
         return _refuse(words, str(error))
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        return _refuse(words, _told(error))
+    except MemoryError:
+        return _refuse(words, "not enough memory; close other programs, or use smaller photos")
     except (KeyboardInterrupt, Cancelled):
         talk.complain("stopped; the next run goes on where this one was")
         return INTERRUPTED
@@ -48,6 +54,12 @@ def _refuse(words: list[str], sentence: str) -> int:
         talk.say_json({"error": sentence})
     talk.complain(" ".join(sentence.split()))
     return UNUSABLE
+
+
+def _told(error: OSError) -> str:
+    """What the system refused that no stage has foreseen: a full temporary folder, for example."""
+    place = f"{error.filename}: " if error.filename else ""
+    return f"{place}{error.strerror or error}"
 
 
 def _command(words: list[str]) -> str:

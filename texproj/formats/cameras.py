@@ -26,6 +26,26 @@ Row = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 Matrix = tuple[Row, Row, Row]
 
 
+class _Pick(BaseModel):
+    """How well one picked point fits."""
+
+    model_config = ConfigDict(extra="allow")
+
+    name: str
+    residual_px: FiniteFloat
+    outlier: bool
+
+
+class _Quality(BaseModel):
+    """What texproj itself reads again of an entry's quality; the rest is for people."""
+
+    model_config = ConfigDict(extra="allow")
+
+    expected_error_px: FiniteFloat | None = None
+    reason: str | None = None
+    picks: list[_Pick] = []
+
+
 class _Entry(BaseModel):
     """One photo's entry as the file has it."""
 
@@ -40,7 +60,7 @@ class _Entry(BaseModel):
     R: Matrix | None = None
     t: Row | None = None
     method: Method | None = None
-    quality: dict[str, Any] = {}
+    quality: _Quality = _Quality()
 
 
 class _File(BaseModel):
@@ -80,7 +100,7 @@ def read_cameras(path: Path) -> CameraFile:
     for name in names:
         if names.count(name) > 1:
             raise InputError(f"{path}: {name} appears twice; keep one entry per photo")
-    return CameraFile(records, dict(content.model_extra or {}))
+    return CameraFile(records, _kept(f"{path}", content.model_extra))
 
 
 def cameras_json(
@@ -102,9 +122,11 @@ def record_of_entry(value: dict[str, Any], where: str = "camera") -> CameraRecor
         raise InputError(f"{where}: a registered camera has K, R and t (else: status 'prior')")
     if entry.status == "failed" and entry.R is not None:
         raise InputError(f"{where}: a failed photo has no R and t (else: status 'prior')")
+    quality = _kept(f"{where}: quality", entry.quality.model_dump(exclude_unset=True))
+    extra = _kept(where, entry.model_extra)
     return CameraRecord(
         entry.file, entry.width, entry.height, _intrinsics(where, entry), _pose(where, entry),
-        entry.status, entry.method, entry.quality, dict(entry.model_extra or {}),
+        entry.status, entry.method, quality, extra,
     )  # fmt: skip
 
 
@@ -131,6 +153,18 @@ def _json(path: Path) -> Any:
         raise InputError(f"{path}, line {error.lineno}: not JSON ({error.msg})") from None
     except UnicodeDecodeError:
         raise InputError(f"{path}: not a text file in UTF-8") from None
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _kept(where: str, unknown: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Keys that are kept as they are. Raises InputError for numbers that JSON cannot hold."""
+    try:
+        json.dumps(unknown, allow_nan=False)
+    except ValueError:
+        told = ", ".join(unknown or {})
+        raise InputError(f"{where}: NaN or an infinite number in {told}; take it out") from None
+    return dict(unknown or {})
 
 
 def _validated(model: type[M], value: Any, where: str) -> M:

@@ -29,7 +29,7 @@ def read_correspondences(path: Path) -> Correspondences:
     lines = [(i, line) for i, line in enumerate(text.split("\n"), 1) if _content(line)]
     if not lines:
         raise InputError(f"{path}: empty; its first line must be {','.join(COLUMNS)}[,name]")
-    rows = list(csv.reader((line for _, line in lines), skipinitialspace=True))
+    rows = [_cells(f"{path}, line {i}", line) for i, line in lines]
     position = _positions(path, rows[0])
     numbers = [_numbers(f"{path}, line {i}", position, row) for (i, _), row in _body(lines, rows)]
     values = np.array(numbers, np.float64).reshape(-1, 5)
@@ -48,6 +48,14 @@ def correspondences_csv(picks: Correspondences) -> str:
 
 def _one_line(name: str) -> str:
     return name.replace("\r", " ").replace("\n", " ")
+
+
+def _cells(where: str, line: str) -> list[str]:
+    """The values of one line; a quote that is not closed ends with the line."""
+    try:
+        return next(csv.reader([line], skipinitialspace=True))
+    except csv.Error as error:
+        raise InputError(f"{where}: {error}") from None
 
 
 def _content(line: str) -> bool:

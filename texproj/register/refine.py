@@ -117,10 +117,13 @@ def refine(
             if len(ties) < LEAST_SOUGHT:
                 break
             now, fit = joint.solve(before, ties, longest)
-            if joint.motion_px(before, now).max() * longest / joint.longest < SETTLED_PX:
+            if (joint.motion_px(before, now) * joint.working_scale(longest)).max() < SETTLED_PX:
                 break
     tied = tuple(int(k) for k in np.unique([ties.to, ties.source])) if fit else ()
-    numbers = {"rounds": rounds, "pairs": len(pairs)}
+    numbers: dict[str, Any] = {"rounds": rounds, "pairs": len(pairs)}
+    if fit is not None:
+        apart = np.linalg.norm(fit.residual, axis=1) * TIE_SIGMA_PX
+        numbers["tie_residual_working_px"] = float(np.nanmedian(apart))
     return joint.outcome(now, tied, fit, numbers, options.working_px)
 
 
@@ -143,9 +146,9 @@ class _Joint:
     points: list[Array]
     photos: Kept[tuple[int, int], Any]
 
-    @property
-    def longest(self) -> int:
-        return max(max(c.width, c.height) for c in self.given)
+    def working_scale(self, longest: int) -> Array:
+        """(n,) pixels of each reduced photo per pixel of the full one."""
+        return np.array([min(1.0, longest / max(c.width, c.height)) for c in self.given])
 
     def search(
         self, cameras: Cameras, pairs: list[Pair], longest: int, radius_px: int
@@ -184,7 +187,7 @@ class _Joint:
 
     def solve(self, cameras: Cameras, joined: Ties, longest: int) -> tuple[Cameras, LmFit[Cameras]]:
         """Move all tied cameras at once."""
-        sigma = TIE_SIGMA_PX * self.longest / longest
+        sigma = TIE_SIGMA_PX / self.working_scale(longest)
         tied = np.isin(np.arange(len(cameras)), [joined.to, joined.source])
         problem = JointPoses(joined, self._anchors(), self.lenses, sigma, self.fixed | ~tied)
         fit = minimize(problem, cameras, TIE_LOSS, STEPS)
@@ -205,23 +208,18 @@ class _Joint:
         """The result with its expected errors."""
         error, motion = np.full(len(cameras), np.nan), np.full(len(cameras), np.nan)
         if fit is not None:
+            systematic_px = SYSTEMATIC_PX / self.working_scale(longest)
             covariance = fit.covariance(max(fit.scatter2, 0.1) * TIE_CORRELATION)
             for k in tied:
                 block = covariance[6 * k : 6 * k + 6, 6 * k : 6 * k + 6]
                 spread = _spread_px(cameras[k], self.points[k], block)
-                systematic = SYSTEMATIC_PX * self.longest / longest
-                error[k] = 0.0 if self.fixed[k] else float(np.hypot(spread, systematic))
+                error[k] = 0.0 if self.fixed[k] else float(np.hypot(spread, systematic_px[k]))
             quality["focal_px"] = [round(c.intrinsics.fx, 2) for c in cameras]
             motion = np.where(
                 np.isin(np.arange(len(motion)), tied), self.motion_px(self.given, cameras), np.nan
             )
-            quality |= {"ties": len(fit.residual), "tie_residual_px": self._residual_px(fit)}
+            quality["ties"] = len(fit.residual)
         return Refined(cameras, {}, tied, error, motion, quality)
-
-    def _residual_px(self, fit: LmFit[Cameras]) -> float:
-        """Median length of the ties' residuals, full-size pixels."""
-        length = np.linalg.norm(fit.residual, axis=1)
-        return float(np.nanmedian(length) * TIE_SIGMA_PX)
 
     def _anchors(self) -> Anchors:
         count = np.array([len(p) for p in self.points])

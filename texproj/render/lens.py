@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.camera import Array, Camera, Intrinsics
+from texproj.errors import RenderError
 
 NODES = 48
 """Nodes of the spline along each side of the photo; lens models are smooth."""
@@ -55,6 +56,7 @@ def pinhole_cover(camera: Camera) -> Camera:
     cover would have more than `MAX_AREA` times the photo's pixels (very wide lenses); a margin of
     `MARGIN_PX` surrounds it. Pixels map by the pinhole part alone:
     ``xy_px = (fx x/z + cx, fy y/z + cy)``. The principal point keeps no relation to the photo's.
+    Raises RenderError for a lens model that holds nowhere in the photo.
     """
     k = camera.intrinsics
     return replace(camera, intrinsics=_cover(k)) if k.distorted else camera
@@ -101,6 +103,11 @@ def bend(k: Intrinsics) -> float:
 def _cover(k: Intrinsics) -> Intrinsics:
     ideal = _node_rays(k)
     ideal = ideal[np.isfinite(ideal).all(1)]
+    if not len(ideal):
+        raise RenderError(
+            f"the distortion {list(k.dist)} of a camera bends every ray out of its picture; "
+            "correct `dist` in cameras.json"
+        )
     low, high = ideal.min(0), ideal.max(0)
     scale = _density(k, ideal)
     area = np.prod((high - low) * scale * (k.fx, k.fy)) / (k.width * k.height)

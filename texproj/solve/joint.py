@@ -81,13 +81,14 @@ class JointPoses:
     """All poses and shared focal lengths from ties and anchors; the variable is a tuple of cameras,
     its step six numbers a camera, as `Pose.step`, then the change of log focal of each group.
 
-    sigma_px: noise of the ties; fixed: (cameras,) bool, whose poses are not solved.
+    sigma_px: (cameras,) noise of the ties found in each photo; fixed: (cameras,) bool, whose poses
+    are not solved.
     """
 
     ties: Ties
     anchors: Anchors
     lenses: Lenses
-    sigma_px: float
+    sigma_px: Array
     fixed: NDArray[np.bool_]
 
     def residual(self, cameras: Cameras) -> Array:
@@ -97,7 +98,7 @@ class JointPoses:
         for i in np.unique(self.ties.to):
             rows = self.ties.to == i
             out[rows] = cameras[i].project(xyz[rows])[0] - self.ties.to_px[rows]
-        return out / self.sigma_px
+        return out / self.sigma_px[self.ties.to, None]
 
     def points(self, cameras: Cameras) -> Array:
         """(n, 3) where the ties' rays meet the surface, world."""
@@ -120,7 +121,8 @@ class JointPoses:
             by_point = own[rows][:, :, 3:6] @ cameras[i].pose.R
             other[rows] = by_point @ self._point_jacobian(cameras[j], rows)
         whole = self._scattered(own, self.ties.to) + self._scattered(other, self.ties.source)
-        return whole / self.sigma_px
+        weight = np.repeat(1 / self.sigma_px[self.ties.to], 2)
+        return sparse.csr_matrix(sparse.diags(weight) @ whole)
 
     def step(self, cameras: Cameras, delta: Array) -> Cameras:
         """Each pose moved by its six numbers, each focal length scaled."""

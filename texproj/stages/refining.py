@@ -21,6 +21,7 @@ from texproj.stages.bench import Workbench
 from texproj.stages.entries import (
     BEFORE_KEY,
     START_KEY,
+    Entries,
     is_refined,
     own_registration,
     refined_entry,
@@ -59,7 +60,7 @@ def refine_project(
     """Refine all registered cameras and write cameras.json.
 
     hold_imported: cameras that texproj did not find do not move; the others follow them. Raises
-    InputError if fewer than two photos are registered.
+    InputError if fewer than two photos are registered, OutputError.
     """
     project = bench.project
     known = project.load_record(STAGE)
@@ -69,16 +70,18 @@ def refine_project(
     before = {n: r for n, e in entries.items() if (r := _usable(project, n, e)) is not None}
     if len(before) < 2:
         raise InputError(f"{project.root} has fewer than two registered photos to refine together")
+    project.check_writable()
     progress(STAGE, 0, 1, "")
     names = list(before)
     fixed = [hold_imported and START_KEY not in entries[n].extra for n in names]
     refined = _refine(bench, before, fixed)
     asked = not project.settings.options("refine").enabled
     after = _records(names, before, refined, fixed, asked)
-    project.save_cameras(after)
     outcome = _outcome(names, refined, fixed)
-    held = {HELD: str(hold_imported)}
-    project.save_record(STAGE, None, _record(project, before, after, outcome, held))
+    record = _record(before, after, outcome)
+    entries |= {entry.file: entry for entry in after}
+    inputs = {**_inputs(project, entries, record), HELD: str(hold_imported)}
+    project.save_registration(after, STAGE, None, {"inputs": inputs, **record})
     project.save_hashes()
     progress(STAGE, 1, 1, "")
     return outcome
@@ -86,11 +89,10 @@ def refine_project(
 
 def refine_freshness(project: Project, hold_imported: bool) -> Freshness:
     """Whether the cameras agree as well as they can."""
-    record = project.load_record(STAGE)
-    held = {HELD: str(hold_imported)}
-    reason = changed_inputs(record, {**_inputs(project, record or {}), **held})
+    record, entries = project.load_record(STAGE), project.load_cameras()
+    inputs = {**_inputs(project, entries, record or {}), HELD: str(hold_imported)}
+    reason = changed_inputs(record, inputs)
     if record is not None and not reason:
-        entries = project.load_cameras()
         moved = [n for n, h in record["after"].items() if _hash(entries.get(n)) != h]
         reason = f"{', '.join(moved)} not as the refinement left it" if moved else ""
     return Freshness(STAGE, "all photos", not reason, reason)
@@ -218,13 +220,9 @@ def _known_outcome(record: Mapping[str, Any]) -> RefineOutcome:
 
 
 def _record(
-    project: Project,
-    before: Mapping[str, CameraRecord],
-    after: list[CameraRecord],
-    outcome: RefineOutcome,
-    held: dict[str, str],
+    before: Mapping[str, CameraRecord], after: list[CameraRecord], outcome: RefineOutcome
 ) -> dict[str, Any]:
-    record = {
+    return {
         "before": {name: json_hash(entry_of_record(entry)) for name, entry in before.items()},
         "after": {entry.file: json_hash(entry_of_record(entry)) for entry in after},
         "moved_px": outcome.moved_px,
@@ -232,13 +230,12 @@ def _record(
         "alone": outcome.alone,
         "quality": outcome.quality,
     }
-    return {"inputs": {**_inputs(project, record), **held}, **record}
 
 
-def _inputs(project: Project, record: Mapping[str, Any]) -> Inputs:
+def _inputs(project: Project, entries: Entries, record: Mapping[str, Any]) -> Inputs:
     inputs = options_inputs(project, VERSION, "refine", "render")
     inputs |= file_inputs(project, mesh=project.mesh_path)
-    for name, entry in project.load_cameras().items():
+    for name, entry in entries.items():
         if name not in project.photo_paths or entry.status == "prior":
             continue
         files = {name: project.photo_path(name), f"mask of {name}": project.mask_path(name)}

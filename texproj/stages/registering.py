@@ -73,9 +73,11 @@ def register_photos(
     """Register the photos `names` (all by default) whose result is stale; write cameras.json.
 
     A photo that fails stops no other. Each result is written as soon as it is there, so that an
-    interrupted run goes on where it stopped. Raises InputError for an unusable project.
+    interrupted run goes on where it stopped. Raises InputError for an unusable project, OutputError
+    for one that cannot be written.
     """
     project = bench.project
+    project.check_writable()
     entries = project.load_cameras()
     chosen = list(names) if names is not None else project.photo_names
     outcomes: dict[str, PhotoOutcome] = {}
@@ -145,11 +147,10 @@ def _register_one(
     record = _attempt(find, bench, name, start, neighbors)
     if entry is not None:
         record = replace(record, extra={**foreign(entry), **record.extra})
-    project.save_cameras([record])
     inputs = _inputs(project, name, {**entries, name: record})
     if find is find_camera and OTHERS in inputs:
         inputs[OTHERS] = "not compared yet"
-    project.save_record(STAGE, name, {"inputs": inputs})
+    project.save_registration([record], STAGE, name, {"inputs": inputs})
     return PhotoOutcome(name, record, False, record.quality.get("reason", ""))
 
 

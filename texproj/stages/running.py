@@ -49,7 +49,8 @@ class RunOutcome:
 
 
 def run_project(bench: Workbench, progress: Progress = silent) -> RunOutcome:
-    """Register, refine, color and report what is stale. Raises InputError."""
+    """Register, refine, color and report what is stale. Raises InputError, OutputError."""
+    bench.project.check_writable()
     photos = register_photos(bench, progress=progress)
     back = undo_refinement(bench.project)
     refined = _refined(bench, progress)
