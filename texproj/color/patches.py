@@ -39,7 +39,7 @@ from texproj.color.sight import Sight, sight_of
 from texproj.color.spill import Spill
 from texproj.color.texels import TexelPoints
 from texproj.color.texture import encoded
-from texproj.color.threads import ahead, in_parallel
+from texproj.color.threads import ahead, in_parallel, opencv_in_one_thread
 from texproj.color.unseen import fill_unseen
 from texproj.color.view import WHITE, PhotoView
 from texproj.mesh import Mesh, face_areas
@@ -77,7 +77,7 @@ def color_patches(
     survey, patch = survey_options(settings.color), settings.patch
     steps = _Steps(len(cameras), progress)
     return_freed_memory()
-    with closing(Scratch()) as scratch:
+    with opencv_in_one_thread(), closing(Scratch()) as scratch:
         with renderer.load(mesh) as scene:
             depths = Depths.of(cameras, scene, survey, scratch)
         points = FacePoints.of(mesh)

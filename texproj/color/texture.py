@@ -20,7 +20,7 @@ from texproj.color.density import texels_per_unit
 from texproj.color.depths import Depths
 from texproj.color.flatten import Regions
 from texproj.color.focus import distrusting, solve_focus
-from texproj.color.memory import return_freed_memory
+from texproj.color.memory import return_freed_memory, trim
 from texproj.color.pages import fill_page
 from texproj.color.photometry import Photometry, solve_photometry
 from texproj.color.points import Floats
@@ -30,7 +30,7 @@ from texproj.color.result import Texture
 from texproj.color.scratch import Scratch
 from texproj.color.spill import Spill
 from texproj.color.texels import TexelPoints
-from texproj.color.threads import in_parallel
+from texproj.color.threads import in_parallel, opencv_in_one_thread
 from texproj.color.unseen import fill_unseen
 from texproj.color.unwrap import unwrap
 from texproj.mesh import Mesh
@@ -58,16 +58,20 @@ def color_texture(
     """
     options, unwrap_options = options or ColorOptions(), unwrap_options or UnwrapOptions()
     return_freed_memory()
-    with closing(Scratch()) as scratch:
+    with opencv_in_one_thread(), closing(Scratch()) as scratch:
         with ThreadPoolExecutor(1) as beside:
             regions = beside.submit(Regions.of, mesh, unwrap_options)
             with renderer.load(mesh) as scene:
                 depths = Depths.of(cameras, scene, options, scratch)
+            renderer.rest()
             density = texels_per_unit(mesh, cameras, depths, options)
+        trim()
         views = views_ahead(cameras, load_photo, depths, options)
         atlas = unwrap(mesh, density, unwrap_options, regions.result())
         points = TexelPoints.of(mesh, atlas, scratch)
+        trim()
         spill, survey = project_views(points, views, len(cameras), options, scratch, progress)
+        trim()
         light, focus = solve_photometry(survey, options), solve_focus(survey, options)
         light = replace(light, corrections=distrusting(light.corrections, focus))
         absolute, checker = absolute_matrix(options, survey, light)

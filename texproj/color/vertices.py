@@ -20,6 +20,7 @@ from texproj.color.project import LoadPhoto, Progress, project_photos
 from texproj.color.quality import coverage, per_photo
 from texproj.color.result import VertexColors
 from texproj.color.scratch import Scratch
+from texproj.color.threads import opencv_in_one_thread
 from texproj.mesh import Mesh
 from texproj.options import ColorOptions
 from texproj.render import Renderer
@@ -44,7 +45,7 @@ def color_vertices(
     weight = np.zeros(len(mesh.vertices), np.float32)
     count = np.zeros(len(mesh.vertices), np.uint16)
     share = np.zeros(len(cameras))
-    with renderer.load(mesh) as scene, closing(Scratch()) as scratch:
+    with opencv_in_one_thread(), renderer.load(mesh) as scene, closing(Scratch()) as scratch:
         spill, survey = project_photos(
             points, cameras, load_photo, scene, options, scratch, progress
         )
