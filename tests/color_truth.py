@@ -6,8 +6,11 @@ rendered into cameras against what an ideal photographer sees there (normal expo
 nobody in front, in focus, no highlight, no noise, 25 rays per pixel).
 
 Counted is what at least one photo sees. Pictures leave out what is within two pixels of the piece's
-outline: a pixel there shows other things too. The brightness of the whole is not in the photos (it
-is a gauge), so that one common factor, the median, is taken out and told beside.
+outline: a pixel there shows other things too. Points leave out what lies further than 2 mm (five
+times the scan's noise) from the true surface: coarse scans cut corners there, and what the color of
+such a point should be is not defined. Edges inside of the outline, creases and shadow borders
+count. The brightness of the whole is not in the photos (it is a gauge), so that one common factor,
+the median, is taken out and told beside.
 """
 
 from __future__ import annotations
@@ -17,7 +20,7 @@ from functools import lru_cache
 
 import cv2
 import numpy as np
-from scenes import NO_DEFECTS, Defects, Synthetic, exposure_round, round_scene
+from scenes import NO_DEFECTS, Defects, Synthetic, exposure_round, round_scene, scan_of
 from skimage.color import deltaE_ciede2000, rgb2lab
 
 from texproj.camera import Camera
@@ -28,15 +31,21 @@ from texproj.demo.make import colors_on
 from texproj.demo.photographer import Scene, ShotOptions, photograph
 from texproj.demo.sensor import Sensor
 from texproj.demo.views import View, camera_at
-from texproj.mesh import ColoredMesh, TexturedMesh, face_areas, vertex_normals
+from texproj.mesh import ColoredMesh, Mesh, TexturedMesh, face_areas, vertex_normals
 from texproj.photo import linear_from_srgb, srgb_from_linear
 from texproj.render import Renderer, render_model
 
 NEW = tuple(View(a, e, upright=False) for a, e in ((-32, 18), (-2, 26), (24, 16)))
 """Where no photo of the set was taken."""
 
+COARSE, TRUE = 40_000, 0
+"""Faces of the scan beside `exposure_round`; and of none: the true surface in its place."""
+
 MARGIN_PX = 2
 """Pixels at the outline of the piece that are not counted."""
+
+OFF_SURFACE = 0.002
+"""Metres from the true surface beyond which a point of the scan does not count."""
 
 LEAST_COSINE = 0.1
 """Surface turned further away from a camera is not seen by it."""
@@ -50,7 +59,7 @@ sampling adds about as much."""
 @dataclass(frozen=True, eq=False)
 class TruePoints:
     """Points of the scan. face: (n,), at: (n, 3) barycentric weights; light: (n, 3) linear;
-    seen_by: (n,) number of photos that show the point.
+    seen_by: (n,) number of photos that show the point, -1 where it does not count.
     """
 
     face: np.ndarray
@@ -82,26 +91,38 @@ class Errors:
     share: float
 
 
-@lru_cache(maxsize=2)
-def true_points(count: int = 30_000) -> TruePoints:
-    """Random points, evenly over the scan."""
-    data, scene = made(NO_DEFECTS)
+@lru_cache(maxsize=4)
+def true_points(faces: int, count: int = 30_000) -> TruePoints:
+    """Random points, evenly over the scan of so many faces."""
+    data, scene = made(NO_DEFECTS, faces)
     rng = np.random.default_rng(5)
     mesh, area = data.mesh, face_areas(data.mesh)
     face = rng.choice(len(area), count, p=area / area.sum())
     at = rng.dirichlet((1, 1, 1), count)
-    normals = unit(np.einsum("nk,nkc->nc", at, vertex_normals(mesh)[mesh.faces[face]]))
-    normals = normals.astype(np.float32)
-    xyz = np.einsum("nk,nkc->nc", at, mesh.vertices[mesh.faces[face]]).astype(np.float32)
-    light = colors_on(scene, xyz, normals, FOOTPRINT)[1]
-    return TruePoints(face, at, light, seen_by(Caster(mesh, np.zeros(3)), xyz, normals, data))
+    corners = mesh.faces[face]
+    normals = unit(np.einsum("nk,nkc->nc", at, vertex_normals(mesh)[corners])).astype(np.float32)
+    xyz = np.einsum("nk,nkc->nc", at, mesh.vertices[corners]).astype(np.float32)
+    seen = seen_by(Caster(mesh, np.zeros(3)), xyz, normals, data)
+    seen[~_near(scene.caster, xyz, normals)] = -1
+    return TruePoints(face, at, colors_on(scene, xyz, normals, FOOTPRINT)[1], seen)
+
+
+def _near(caster: Caster, xyz: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """(n,) bool: whether the true surface is near the points, along their normals."""
+    out = caster.first_hits(xyz + np.float32(OFF_SURFACE) * normals, -normals)
+    near = np.zeros(len(xyz), bool)
+    near[out.found] = out.distance < 2 * OFF_SURFACE
+    return near
 
 
 @lru_cache(maxsize=4)
-def true_views(unused: bool, count: int = 7, samples: int = 5) -> tuple[TrueView, ...]:
-    """Ideal photos with the cameras of the photos, or from places where no photo was taken."""
+def true_views(unused: bool, samples: int = 5, count: int = 4) -> tuple[TrueView, ...]:
+    """Ideal photos with the cameras of every second photo, or from places where none was taken.
+
+    samples: rays per pixel along a side; count: most pictures.
+    """
     data, scene = made(NO_DEFECTS)
-    cameras = data.cameras
+    cameras = data.cameras[::2]
     if unused:
         size = data.photos[0].width
         cameras = tuple(
@@ -207,7 +228,14 @@ def rounds() -> dict[str, Defects]:
     return {"none": NO_DEFECTS, **alone, "all": Defects()}
 
 
-def made(defects: Defects) -> tuple[Synthetic, Scene]:
-    """The photos with those defects, and the lit piece without gloss."""
+def made(defects: Defects, faces: int = COARSE) -> tuple[Synthetic, Scene]:
+    """Photos with those defects beside a scan of so many faces (`TRUE`: the true surface itself),
+    and the lit piece without gloss. The photos are those beside the coarse scan; `albedo` and
+    `shaded` too.
+    """
     data = exposure_round() if defects == Defects() else exposure_round(defects=defects)
-    return data, replace(round_scene(), gloss=0.0)
+    scene = replace(round_scene(), gloss=0.0)
+    if faces == TRUE:
+        mesh = Mesh(scene.caster.vertices.astype(float), scene.caster.faces)
+        return replace(data, mesh=mesh), scene
+    return (data if faces == COARSE else replace(data, mesh=scan_of(faces=faces))), scene
