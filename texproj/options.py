@@ -65,11 +65,17 @@ class ColorOptions:
     silhouette_feather: Annotated[float, Field(ge=0, le=1)] = 0.005
     """Width of the ramp beside depth discontinuities, as a part of the photo's diagonal."""
 
+    mask_erode: Annotated[float, Field(ge=0, le=0.5)] = 0.0
+    """How far masks are grown before they count, as a part of the photo's diagonal."""
+
     mask_feather: Annotated[float, Field(ge=0, le=1)] = 0.003
     """Width of the ramp beside a mask, as a part of the photo's diagonal."""
 
     clipped_weight: Fraction = 0.2
     """Weight of samples where the photo is over-exposed; 1 = as good as any."""
+
+    dark_weight: Fraction = 0.2
+    """Weight of samples where the photo is hardly above black; 1 = as good as any."""
 
     focus_power: Annotated[float, Field(ge=0, le=8)] = 1.0
     """How strongly blurred parts of photos are distrusted: the power of their energy of fine detail

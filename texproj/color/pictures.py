@@ -25,6 +25,10 @@ a plane seen at 85 degrees off its normal makes steps of 11."""
 CLIPPED = 0.9
 """Linear light from which on a channel begins to be clipped: 243 of 255."""
 
+DARK = (0.0015, 0.004)
+"""Linear light of the brightest channel in which 8 bits have steps of 20 % (5 of 255), and of 8 %
+(13 of 255)."""
+
 
 def picture_factors(
     photo: Photo, small: NDArray[np.uint16], white: float, options: ColorOptions
@@ -32,17 +36,19 @@ def picture_factors(
     """Each factor's (h, w) float32 image by name, in a reduced picture of the photo.
 
     border: ramp from the picture's edge; mask: ramp from the stencil, 0 on it (only if there is
-    one); exposure: falls where a channel is clipped. small: (h, w, 3) linear light, `white` = 1.
+    one); exposure: falls where a channel is clipped, or where all are hardly above black.
+    small: (h, w, 3) linear light, `white` = 1.
     """
     height, width = small.shape[:2]
-    scale = width / photo.width
     diagonal = float(np.hypot(width, height))
     factors = {"border": border_factor(height, width, options.border_feather * diagonal)}
     if photo.mask is not None and not photo.mask.all():
-        factors["mask"] = mask_factor(photo.mask, small.shape[:2], options.mask_feather * diagonal)
-    if options.clipped_weight < 1:
-        factors["exposure"] = exposure_factor(small, white, options.clipped_weight)
-    assert scale > 0
+        erode, feather = options.mask_erode * diagonal, options.mask_feather * diagonal
+        factors["mask"] = mask_factor(photo.mask, (height, width), erode, feather)
+    if min(options.clipped_weight, options.dark_weight) < 1:
+        factors["exposure"] = exposure_factor(
+            small, white, options.clipped_weight, options.dark_weight
+        )
     return factors
 
 
@@ -54,22 +60,32 @@ def border_factor(height: int, width: int, feather_px: float) -> Floats:
     return np.minimum(across, down[:, None])
 
 
-def mask_factor(mask: NDArray[np.uint8], shape: tuple[int, ...], feather_px: float) -> Floats:
-    """Ramp from the stencil's edge; 0 on the stencil itself and one pixel around it."""
+def mask_factor(
+    mask: NDArray[np.uint8], shape: tuple[int, int], erode_px: float, feather_px: float
+) -> Floats:
+    """Ramp from the stencil's edge; 0 on the stencil itself and `erode_px` around it, at least one
+    pixel.
+    """
     size = (shape[1], shape[0])
     free = cv2.resize((mask > 0).astype(np.uint8) * 255, size, interpolation=cv2.INTER_AREA) == 255
-    distance = cv2.distanceTransform(free.astype(np.uint8), cv2.DIST_L2, 5) - 1
+    distance = cv2.distanceTransform(free.astype(np.uint8), cv2.DIST_L2, 5) - max(erode_px, 1.0)
     return np.clip(distance / np.float32(max(feather_px, 1.0)), 0, 1).astype(np.float32)
 
 
-def exposure_factor(small: NDArray[np.uint16], white: float, clipped: float) -> Floats:
-    """`clipped` where a channel is at white, 1 below `CLIPPED`, a ramp between."""
+def exposure_factor(small: NDArray[np.uint16], white: float, clipped: float, dark: float) -> Floats:
+    """`clipped` where a channel is at white, `dark` where all are below the lower limit of `DARK`,
+    1 from its upper limit to `CLIPPED`, ramps between.
+    """
     red, green, blue = cv2.split(small)
     brightest = cv2.max(cv2.max(red, green), blue)
     out = np.ones(brightest.shape, np.float32)
     near = brightest > CLIPPED * white
     over = (brightest[near] * np.float32(1 / white) - CLIPPED) / (0.99 - CLIPPED)
     out[near] -= np.minimum(over, 1) * np.float32(1 - clipped)
+    if dark < 1:
+        black = brightest < DARK[1] * white
+        under = (DARK[1] - brightest[black] * np.float32(1 / white)) / (DARK[1] - DARK[0])
+        out[black] -= np.minimum(under, 1) * np.float32(1 - dark)
     return out
 
 
@@ -77,7 +93,10 @@ def silhouette_factor(depth: Floats, focal_px: float, feather_px: float) -> Floa
     """Smooth ramp from the next depth discontinuity or border of the mesh.
 
     A discontinuity is a step of more than `DEPTH_JUMP_PX` pixel footprints (depth / focal).
+    A feather of 0 switches the factor off.
     """
+    if feather_px <= 0:
+        return np.ones(depth.shape, np.float32)
     finite = np.minimum(depth, np.float32(1e30))
     kernel = np.ones((3, 3), np.uint8)
     near, far = cv2.erode(finite, kernel), cv2.dilate(finite, kernel)
