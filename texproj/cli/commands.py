@@ -356,5 +356,12 @@ def _say_refined(outcome: Any) -> None:
 def _say_color(project: Project, outcome: Any) -> None:
     state = "fresh, kept" if outcome.kept else "wrote"
     talk.say(f"{state}: {', '.join(str(project.out / name) for name in outcome.files)}")
+    chart = outcome.quality.get("checker")
+    if chart:
+        before, after = (chart["ciede2000"][when]["median"] for when in ("before", "after"))
+        talk.say(
+            f"color chart {chart['file']}: CIEDE2000 of its patches {before:.1f} -> {after:.1f};"
+            f" exposure: {chart['exposure']}"
+        )
     for name, reason in outcome.failed.items():
         talk.say(f"{name}: FAILED: {reason}")

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from texproj import __version__
 from texproj.errors import InputError
 from texproj.files import json_hash, staging
 from texproj.formats.models import read_model
+from texproj.mesh import ColoredMesh, TexturedMesh
 from texproj.project import Project
 from texproj.records import CameraRecord
 from texproj.render import render_model
@@ -30,7 +34,7 @@ from texproj.stages.coloring import STAGE as COLOR
 from texproj.stages.entries import is_refined
 from texproj.stages.freshness import Freshness, Inputs, changed_inputs, file_inputs, options_inputs
 from texproj.stages.progress import Progress, silent
-from texproj.stages.writing import GLB, PLY
+from texproj.stages.writing import GLB, OBJ, PLY
 
 STAGE = "report"
 VERSION = 1
@@ -170,11 +174,29 @@ def _overlay(bench: Workbench, name: str, record: CameraRecord | None) -> str | 
 
 def _views(bench: Workbench, records: dict[str, CameraRecord]) -> list[str]:
     """The colored model from three sides; none if there is no model yet."""
-    outputs = (bench.project.load_record(COLOR) or {}).get("outputs", {})
-    found = [name for name in (GLB, PLY) if name in outputs]
-    if not found or not (bench.project.out / found[0]).is_file():
+    model = _model(bench.project)
+    if model is None:
         return []
-    model = read_model(bench.project.out / found[0])
     cameras = [c for r in records.values() if (c := r.registered_camera) is not None]
     views = viewpoints(bench.mesh, cameras)
     return [data_url(on_paper(render_model(bench.renderer, model, view))) for view in views]
+
+
+def _model(project: Project) -> TexturedMesh | ColoredMesh | None:
+    """The model as it was written; None if there is none whose images can be read (ktx2)."""
+    outputs = (project.load_record(COLOR) or {}).get("outputs", {})
+    for name in (GLB, OBJ, PLY):
+        if name in outputs and (project.out / name).is_file():
+            with contextlib.suppress(InputError):
+                return _drawable(read_model(project.out / name))
+    return None
+
+
+def _drawable(model: TexturedMesh | ColoredMesh) -> TexturedMesh | ColoredMesh:
+    """The model with vertices that are not finite, which no face has, put where one has."""
+    finite = np.isfinite(model.vertices).all(axis=1, keepdims=True)
+    if finite.all() or not len(model.faces):
+        return model
+    return replace(
+        model, vertices=np.where(finite, model.vertices, model.vertices[model.faces[0, 0]])
+    )
