@@ -34,8 +34,14 @@ LONGEST = 0.4
 INSIDE = 40_000
 """Edges inside of charts that are looked at."""
 
-DEPTH_TOLERANCE = 2e-3
-"""Part of the distance by which a visible point may lie behind the rendered depth."""
+DEPTH_TOLERANCE = 1e-3
+"""Part of the distance by which a visible point may lie off the rendered depth."""
+
+DEPTH_TOLERANCE_PX = 1.5
+"""Pixels by which point and depth sample may be apart, times the slope of the surface."""
+
+GLANCING = 0.1
+"""Least cosine between the surface's normal and the line of sight."""
 
 OBLIQUE = 3.0
 """Sizes of pixels and texels up to which a photo says something about a pair of points."""
@@ -45,11 +51,13 @@ OBLIQUE = 3.0
 class Pairs:
     """Points on both sides of edges, with the (n,) lengths that they stand for.
 
-    xyz: (n, 2, 3) world; texel: (n, 2, 3) column and row of their page (texel centers at .5) and
-    page; border: (n,) bool, the edge is the border of a chart; texel_size: (n,) mesh units.
+    xyz, normal: (n, 2, 3) world; texel: (n, 2, 3) column and row on their page (texel centers at
+    .5) and the page; border: (n,) bool, the edge is the border of a chart; texel_size: (n,) mesh
+    units.
     """
 
     xyz: np.ndarray
+    normal: np.ndarray
     texel: np.ndarray
     length: np.ndarray
     border: np.ndarray
@@ -138,20 +146,25 @@ def pairs_of(model: TexturedMesh, distance: float) -> Pairs:
     heights = _heights(corners)
     texel = np.sqrt(_areas(corners) / np.maximum(_areas(flat), 1e-12))
     wide = np.maximum(texel[one // 3], texel[two // 3])
-    xyz, uv, page = [], [], []
+    facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-30)
+    xyz, uv, page, normal = [], [], [], []
     for half in (one, two):
         face, side = half // 3, half % 3
         inwards = np.minimum(distance * wide / heights[face, side], LONGEST)
         at = _barycentric(side, inwards, half is two)
         xyz.append(np.einsum("nsk,nkc->nsc", at, corners[face]).reshape(-1, 3))
         uv.append(np.einsum("nsk,nkc->nsc", at, flat[face]).reshape(-1, 2))
+        normal.append(np.repeat(facing[face], len(ALONG), axis=0))
         page.append(np.repeat(model.page_of_face[face], len(ALONG)))
     ends = corners[one // 3, one % 3], corners[one // 3, (one % 3 + 1) % 3]
     length = np.linalg.norm(ends[0] - ends[1], axis=1)
     texels = [np.column_stack([u, p]) for u, p in zip(uv, page, strict=True)]
     n = len(ALONG)
-    return Pairs(np.stack(xyz, 1), np.stack(texels, 1), np.repeat(length / n, n),
-                 np.repeat(border, n), np.repeat(wide, n))  # fmt: skip
+    return Pairs(
+        np.stack(xyz, 1), np.stack(normal, 1), np.stack(texels, 1),
+        np.repeat(length / n, n), np.repeat(border, n), np.repeat(wide, n),
+    )  # fmt: skip
 
 
 def _edges(model: TexturedMesh, flat: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -248,7 +261,11 @@ def _photo_step(pairs: Pairs, camera: Camera, pixels: np.ndarray, depth: np.ndar
     inside = (column >= 1) & (row >= 1) & (column < camera.width - 1) & (row < camera.height - 1)
     nearest = np.zeros(len(z))
     nearest[inside] = depth[row[inside], column[inside]]
-    seen = inside & (z > 0) & (np.abs(z - nearest) <= DEPTH_TOLERANCE * z)
+    ray = camera.center - pairs.xyz.reshape(-1, 3)
+    cosine = (ray * pairs.normal.reshape(-1, 3)).sum(axis=1) / np.linalg.norm(ray, axis=1)
+    slope = np.sqrt(np.maximum(1 - cosine**2, 0)) / np.maximum(cosine, GLANCING)
+    tolerance = DEPTH_TOLERANCE + DEPTH_TOLERANCE_PX / camera.intrinsics.fx * slope
+    seen = inside & (cosine > GLANCING) & (np.abs(z - nearest) <= tolerance * z)
     seen = seen.reshape(-1, 2).all(axis=1)
     # oblique photos show the pair squeezed together
     apart = np.linalg.norm(np.diff(xy.reshape(-1, 2, 2), axis=1)[:, 0], axis=1)

@@ -161,7 +161,7 @@ class PatchOptions:
     """Difference from what all photos agree on (square root of linear light, 1 = white) that costs
     half as much as a wrong photo."""
 
-    outlier: Positive = 6.0
+    outlier: Positive = 3.0
     """Beyond so many times that difference a photo is not used, if at least three others agree."""
 
     candidates: Annotated[int, Field(ge=1, le=64)] = 10
@@ -170,7 +170,7 @@ class PatchOptions:
     smallest_px: Annotated[float, Field(ge=0)] = 200.0
     """Patches of fewer pixels join their neighbors where those may show them."""
 
-    strip_px: Annotated[float, Field(gt=0, le=1000)] = 6.0
+    strip_px: Annotated[float, Field(gt=0, le=1000)] = 12.0
     """Width on either side of a seam in which the two photos fade into each other."""
 
     level_px: Annotated[float, Field(ge=0, le=10000)] = 20.0

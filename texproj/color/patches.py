@@ -25,7 +25,7 @@ from texproj.color.memory import return_freed_memory
 from texproj.color.pages import fill_page
 from texproj.color.patch_charts import patch_atlas
 from texproj.color.patch_labels import Labels, choose_photos, merge_islands
-from texproj.color.patch_seams import PatchBlend, patch_blends
+from texproj.color.patch_seams import PatchBlend, PatchBlends
 from texproj.color.patch_views import FacePoints, FaceViews, face_views, survey_options
 from texproj.color.photometry import solve_photometry
 from texproj.color.points import Floats
@@ -89,7 +89,7 @@ def color_patches(
         gains = light.gains
         views = face_views(points, cameras, spill, gains, settings.color, patch)
         labels = _labels(mesh, views, dual_graph(mesh), patch)
-        blends = patch_blends(mesh, labels, views, patch.strip_px, patch.level_px)
+        blends = PatchBlends(mesh, labels, views, patch)
         atlas = patch_atlas(mesh, cameras, labels, views.density, settings.unwrap)
         texels = TexelPoints.of(mesh, atlas, scratch)
         pixels = _cut(texels, mesh, atlas, blends, gains, shots, steps)
@@ -144,7 +144,7 @@ def _cut(
     texels: TexelPoints,
     mesh: Mesh,
     atlas: Atlas,
-    blends: list[PatchBlend],
+    blends: PatchBlends,
     gains: Gains,
     shots: _Shots,
     steps: _Steps,
@@ -153,18 +153,25 @@ def _cut(
     pixels = Spill(texels.sizes, texels.scratch)
     maps = corner_maps(atlas)
     tiles = _tiles_of_faces(texels, len(mesh.faces))
-    views = ahead(lambda number: shots.view(blends[number].photo), len(blends))
-    for done, (blend, view) in enumerate(zip(blends, views, strict=True)):
+
+    def make(number: int) -> tuple[PatchBlend, PhotoView | None]:
+        return blends.blend(number), shots.view(blends.photos[number])
+
+    for done, (blend, view) in enumerate(ahead(make, len(blends))):
         if view is not None:
+            row = np.zeros(len(mesh.faces), np.int32)
+            row[blend.faces] = np.arange(len(blend.faces), dtype=np.int32)
+            used = np.zeros(len(mesh.faces), bool)
+            used[blend.faces] = True
             sight = sight_of(
                 texels.owners, view.camera, view.depth_camera, len(view.levels), shots.options
             )
-            sight = replace(sight, weight=sight.weight * blend.faces)
-            values = blend.at_corners(mesh.faces)
-            cutter = _Cutter(texels, view, sight, maps, values, np.sqrt(gains.factor[blend.photo]))
-            wanted = [n for n, faces in enumerate(tiles) if blend.faces[faces].any()]
+            sight = replace(sight, weight=sight.weight * used)
+            root_gain = np.sqrt(gains.factor[blend.photo])
+            cutter = _Cutter(texels, view, sight, maps, row, blend.corners, root_gain)
+            wanted = [n for n, faces in enumerate(tiles) if used[faces].any()]
             in_parallel(partial(cutter.cut, blend.photo, pixels), wanted)
-        del view  # before the next one is made
+        del view, blend  # before the next ones are made
         steps.second(done + 1)
     return pixels
 
@@ -183,7 +190,7 @@ def _tiles_of_faces(texels: TexelPoints, faces: int) -> list[NDArray[np.intp]]:
 class _Cutter:
     """Takes the texels of a tile from one photo.
 
-    maps: see `corner_maps`; values: (F, 3, 4) weight and offset at the corners of the faces;
+    maps: see `corner_maps`; row: (F,) int32 rows of `corners`: (m, 3, 4) weight and offset;
     root_gain: (3,) square root of the photo's gain.
     """
 
@@ -191,7 +198,8 @@ class _Cutter:
     view: PhotoView
     sight: Sight
     maps: Floats
-    values: Floats
+    row: NDArray[np.int32]
+    corners: Floats
     root_gain: Floats
 
     def cut(self, photo: int, pixels: Spill, tile: int) -> None:
@@ -204,7 +212,7 @@ class _Cutter:
         row, column = np.nonzero(self.texels.mask(tile))
         x = column[samples.seen] + np.float32(place.columns.start + 0.5)
         y = row[samples.seen] + np.float32(place.rows.start + 0.5)
-        values = at_texels(self.maps[face], self.values[face], x, y)
+        values = at_texels(self.maps[face], self.corners[self.row[face]], x, y)
         weight = samples.packed[:, 3] * np.clip(values[:, 0], 0, 1)
         used = weight > 0
         rgb = samples.packed[:, :3].astype(np.float32)
