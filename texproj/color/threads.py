@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from itertools import islice
 from typing import TypeVar
 
 import cv2
@@ -31,21 +33,19 @@ def in_parallel(work: Callable[[int], None], numbers: Iterable[int]) -> None:
             pass
 
 
-def ahead(make: Callable[[int], T], count: int) -> Iterator[T]:
-    """make(0), make(1), ...; one is made in a thread while the one before is used, the first from
-    now on.
+def ahead(make: Callable[[int], T], count: int, most: int = 1) -> Iterator[T]:
+    """make(0), make(1), ...; made in a thread, at most so many before they are used, the first
+    from now on.
     """
     pool = ThreadPoolExecutor(1)
-    first = pool.submit(make, 0) if count else None
+    coming = deque(pool.submit(make, number) for number in range(min(most, count)))
 
     def each() -> Iterator[T]:
-        following = first
         with pool:
-            for number in range(count):
-                assert following is not None
-                made = following.result()
-                if number + 1 < count:
-                    following = pool.submit(make, number + 1)
+            following = iter(range(len(coming), count))
+            while coming:
+                made = coming.popleft().result()
+                coming.extend(pool.submit(make, number) for number in islice(following, 1))
                 yield made
                 del made
 
