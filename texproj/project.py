@@ -37,6 +37,8 @@ from texproj.settings import Settings, read_settings
 SETTINGS_FILE = "project.toml"
 CAMERAS_FILE = "cameras.json"
 MASK_SUFFIX = ".png"
+UNREADABLE = "cannot be read"
+"""In place of the hash of a file that may not be read."""
 
 NEW_SETTINGS = """\
 # Settings of this project. Every key is optional; `texproj COMMAND --help` lists them all.
@@ -60,7 +62,7 @@ class Project:
             raise InputError(f"no project folder at {root}; make one with `texproj new {root} ...`")
         path = root / SETTINGS_FILE
         try:
-            text = path.read_text(encoding="utf-8") if path.exists() else ""
+            text = path.read_text(encoding="utf-8-sig") if path.exists() else ""
         except OSError as error:
             raise InputError(f"{path} cannot be read: {error.strerror}") from None
         except UnicodeDecodeError:
@@ -193,12 +195,11 @@ class Project:
             (folder / path.name).write_text(json.dumps(made, indent=1), encoding="utf-8")
             self.save_cameras(records)
 
-    def check_writable(self) -> None:
-        """Raise OutputError where results could not be written, before any work is spent on them.
-
-        Makes no folder.
+    def check_writable(self, *folders: Path) -> None:
+        """Raise OutputError where results could not be written to `folders` of the project, before
+        any work is spent on them. Makes no folder.
         """
-        for folder in (self.root, self.work, self.out):
+        for folder in (self.root, *folders):
             if folder.exists():
                 with staging(folder):
                     pass
@@ -219,12 +220,8 @@ class Project:
 
     def load_record(self, stage: str, name: str | None = None) -> dict[str, Any] | None:
         """What a stage wrote about its last run; None if it never ran or the file is broken."""
-        path = self.record_path(stage, name)
-        try:
-            record = json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError):
-            return None
-        return record if isinstance(record, dict) else None
+        record = _read_json(self.record_path(stage, name))
+        return record if isinstance(record.get("inputs"), dict) else None
 
     def save_record(self, stage: str, name: str | None, record: dict[str, Any]) -> None:
         """Keep what a stage has to say about its run. Raises OutputError."""
@@ -244,7 +241,10 @@ class Project:
             np.save(folder / f"{key}.npy", array, allow_pickle=False)
 
     def hash_of(self, path: Path | None) -> str | None:
-        """Hash of a file's content, read again only when its size or time changed."""
+        """Hash of a file's content, read again only when its size or time changed.
+
+        A file that may not be read has one too: whoever needs its content says what is wrong.
+        """
         if path is None or not path.is_file():
             return None
         stat = path.stat()
@@ -253,13 +253,14 @@ class Project:
         if known is None or known[0] != stamp:
             try:
                 self._hashes[str(path)] = known = [stamp, file_hash(path)]
-            except OSError as error:
-                raise InputError(f"{path} cannot be read: {error.strerror}") from None
+            except OSError:
+                return UNREADABLE
         return str(known[1])
 
     @cached_property
     def _hashes(self) -> dict[str, list[Any]]:
-        return self.load_record("hashes") or {}
+        known = _read_json(self.record_path("hashes"))
+        return {k: v for k, v in known.items() if isinstance(v, list) and len(v) == 2}
 
     def save_hashes(self) -> None:
         """Keep the hashes for the next run. Raises OutputError."""
@@ -306,6 +307,15 @@ def _fill(root: Path, mesh: Path, sources: Sequence[Path], link: bool) -> None:
         link_or_copy(source, root / "photos" / source.name, link)
     lines = f'mesh = "mesh/{mesh.name}"\nphotos = "photos"\n'
     write_atomically(root / SETTINGS_FILE, NEW_SETTINGS.format(lines=lines))
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    """The object in a file that the machine made; empty if it is missing or broken."""
+    try:
+        value = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return value if isinstance(value, dict) else {}
 
 
 def _photo_sources(photos: Sequence[Path]) -> list[Path]:

@@ -74,8 +74,8 @@ def read_settings(text: str, where: str) -> Settings:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{where} is not valid TOML: {error}") from None
-    except (ValueError, RecursionError) as error:  # a number or a nesting without end
-        raise InputError(f"{where} cannot be read: {error}") from None
+    except (ValueError, RecursionError):
+        raise InputError(f"{where}: a number is too long, or it is nested too deeply") from None
     known = ["mesh", "photos", *SECTIONS]
     for key in data:
         if key not in known:

@@ -12,7 +12,7 @@ from texproj import __version__
 from texproj.cli import talk
 from texproj.cli.exchange import export, import_
 from texproj.cli.flags import flags_for
-from texproj.cli.main import DONE
+from texproj.cli.main import DONE, SOME_FAILED, UNUSABLE
 from texproj.cli.shared import Folder, Json, Verbose, exit_code, open_project
 from texproj.errors import UsageError
 from texproj.project import Project, create_project
@@ -228,6 +228,7 @@ def run(
         talk.say(f"report: {outcome.report.files[0]}")
     if outcome.color is None:
         talk.complain(outcome.reason)
+        return SOME_FAILED if outcome.failed else UNUSABLE
     return exit_code(len(outcome.failed), len(outcome.photos), "used")
 
 

@@ -153,8 +153,8 @@ def _json(path: Path) -> Any:
         raise InputError(f"{path}, line {error.lineno}: not JSON ({error.msg})") from None
     except UnicodeDecodeError:
         raise InputError(f"{path}: not a text file in UTF-8") from None
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: {error}") from None
+    except (ValueError, RecursionError):
+        raise InputError(f"{path}: a number is too long, or it is nested too deeply") from None
 
 
 def _kept(where: str, unknown: Mapping[str, Any] | None) -> dict[str, Any]:

@@ -70,7 +70,7 @@ def refine_project(
     before = {n: r for n, e in entries.items() if (r := _usable(project, n, e)) is not None}
     if len(before) < 2:
         raise InputError(f"{project.root} has fewer than two registered photos to refine together")
-    project.check_writable()
+    project.check_writable(project.work)
     progress(STAGE, 0, 1, "")
     names = list(before)
     fixed = [hold_imported and START_KEY not in entries[n].extra for n in names]

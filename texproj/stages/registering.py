@@ -77,7 +77,7 @@ def register_photos(
     for one that cannot be written.
     """
     project = bench.project
-    project.check_writable()
+    project.check_writable(project.work)
     entries = project.load_cameras()
     chosen = list(names) if names is not None else project.photo_names
     outcomes: dict[str, PhotoOutcome] = {}

@@ -50,11 +50,12 @@ class RunOutcome:
 
 def run_project(bench: Workbench, progress: Progress = silent) -> RunOutcome:
     """Register, refine, color and report what is stale. Raises InputError, OutputError."""
-    bench.project.check_writable()
+    project = bench.project
+    project.check_writable(project.work, project.out)
     photos = register_photos(bench, progress=progress)
-    back = undo_refinement(bench.project)
+    back = undo_refinement(project)
     refined = _refined(bench, progress)
-    entries = bench.project.load_cameras()
+    entries = project.load_cameras()
     photos = [_with_record(outcome, entries[outcome.name]) for outcome in photos]
     try:
         color, reason = color_project(bench, progress), ""
