@@ -214,6 +214,10 @@ class Project:
     def out(self) -> Path:
         return self.root / "out"
 
+    def factors_path(self, name: str) -> Path:
+        """Where pictures of what a photo counts for are written."""
+        return self.out / "factors" / Path(name).stem
+
     def record_path(self, stage: str, name: str | None = None) -> Path:
         """Where the record of a stage, or of one photo in it, is kept."""
         return self.work / stage / f"{name}.json" if name else self.work / f"{stage}.json"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from fnmatch import fnmatch
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
@@ -12,8 +11,9 @@ from texproj import __version__
 from texproj.cli import talk
 from texproj.cli.exchange import export, import_
 from texproj.cli.flags import flags_for
+from texproj.cli.inspecting import factors
 from texproj.cli.main import DONE, SOME_FAILED, UNUSABLE
-from texproj.cli.shared import Folder, Json, Verbose, exit_code, open_project
+from texproj.cli.shared import Folder, Json, Verbose, exit_code, matching, open_project
 from texproj.errors import UsageError
 from texproj.project import Project, create_project
 
@@ -88,7 +88,7 @@ def register(
     from texproj.stages.registering import register_photos  # noqa: PLC0415
 
     project = open_project(folder, flags, verbose)
-    names = _matching(project, photos)
+    names = matching(project, photos)
     with Workbench(project) as bench, talk.progress_bars() as progress:
         outcomes = register_photos(bench, names, progress)
     if json:
@@ -98,13 +98,6 @@ def register(
             talk.say(_photo_line(outcome))
     failed = [o for o in outcomes if o.failed]
     return exit_code(len(failed), len(outcomes), "registered")
-
-
-def _matching(project: Project, pattern: str) -> list[str]:
-    names = [name for name in project.photo_names if fnmatch(name, pattern)]
-    if not names:
-        raise UsageError(f"no photo in {project.root} matches {pattern!r}")
-    return names
 
 
 def _photo_json(outcome: Any) -> dict[str, Any]:
@@ -293,6 +286,7 @@ def preview(folder: Folder, /, *, flags: PreviewFlags = None, verbose: Verbose =
 
 app.command(import_, name="import")
 app.command(export)
+app.command(factors)
 
 
 @app.command

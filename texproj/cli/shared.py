@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,6 +11,7 @@ from cyclopts import Parameter
 from texproj.cli import talk
 from texproj.cli.flags import apply_flags
 from texproj.cli.main import DONE, SOME_FAILED
+from texproj.errors import UsageError
 from texproj.project import Project
 
 Folder = Annotated[Path, Parameter(name="DIR", help="The project folder.", show_default=False)]
@@ -26,6 +28,14 @@ def open_project(folder: Path, flags: Any, verbose: bool) -> Project:
     project = project.with_settings(apply_flags(project.settings, flags))
     project.remove_unfinished()
     return project
+
+
+def matching(project: Project, pattern: str) -> list[str]:
+    """The project's photos whose names match. Raises UsageError if none does."""
+    names = [name for name in project.photo_names if fnmatch(name, pattern)]
+    if not names:
+        raise UsageError(f"no photo in {project.root} matches {pattern!r}")
+    return names
 
 
 def exit_code(failed: int, total: int, verb: str) -> int:

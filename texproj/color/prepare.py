@@ -33,13 +33,18 @@ def view_of(
 ) -> PhotoView:
     """A photo with what its (full-size) camera sees, rendered before by `depth_seen`."""
     camera = camera.resized(photo.width, photo.height)
-    focal, diagonal = depth_camera.intrinsics.fx, np.hypot(camera.width, camera.height)
-    feather = options.silhouette_feather * diagonal * focal / camera.intrinsics.fx
     levels = image_pyramid(photo)
     view = PhotoView(camera, depth_camera, depth, levels, info=photo.info)
     trust = in_depth_pixels(picture_trust(photo, levels, options), view)
-    trust *= silhouette_factor(depth, focal, feather)
+    feather = silhouette_feather_px(camera, depth_camera, options)
+    trust *= silhouette_factor(depth, depth_camera.intrinsics.fx, feather)
     return replace(view, trust=trust)
+
+
+def silhouette_feather_px(camera: Camera, depth_camera: Camera, options: ColorOptions) -> float:
+    """Pixels of the depth camera over which the silhouette's factor rises. camera: the photo's."""
+    diagonal = float(np.hypot(camera.width, camera.height))
+    return options.silhouette_feather * diagonal * depth_camera.intrinsics.fx / camera.intrinsics.fx
 
 
 def picture_trust(photo: Photo, levels: tuple[NDArray[Any], ...], options: ColorOptions) -> Floats:

@@ -61,7 +61,7 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
         return _outcome(before, kept=True)
     inputs = _inputs(project)
     cameras, failed = usable_cameras(project)
-    photos = _Photos(project, list(cameras), failed)
+    photos = Photos(project, list(cameras), failed)
     quality, write = _made(bench, cameras, photos, progress)
     if not set(cameras) - set(failed):
         raise InputError(f"no photo could be read: {'; '.join(failed.values())}")
@@ -127,7 +127,7 @@ def usable_cameras(project: Project) -> tuple[dict[str, Camera], dict[str, str]]
     return cameras, failed
 
 
-class _Photos:
+class Photos:
     """Loads photos by index; one that cannot be read is None and is noted in `failed`."""
 
     def __init__(self, project: Project, names: list[str], failed: dict[str, str]) -> None:
@@ -143,7 +143,7 @@ class _Photos:
 
 
 def _made(
-    bench: Workbench, known: dict[str, Camera], photos: _Photos, progress: Progress
+    bench: Workbench, known: dict[str, Camera], photos: Photos, progress: Progress
 ) -> tuple[dict[str, Any], Write]:
     """The numbers of the model, and what writes it into a folder and returns the file names."""
 
@@ -163,7 +163,7 @@ def _texture(
     bench: Workbench,
     options: ColorOptions,
     cameras: list[Camera],
-    photos: _Photos,
+    photos: Photos,
     tell: Callable[[int, int], None],
 ) -> Texture:
     from texproj.color.patches import PatchSettings, color_patches  # noqa: PLC0415 - slow to load
