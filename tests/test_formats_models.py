@@ -26,6 +26,7 @@ from texproj.formats.models import (
 )
 from texproj.formats.models import write_glb as write_glb_with
 from texproj.formats.models import write_obj as write_obj_with
+from texproj.formats.models.binary import required_extensions
 from texproj.formats.models.images import IMAGE_SUFFIXES, page_files, write_pages
 from texproj.formats.models.text import decimals, integers, lines
 from texproj.mesh import ColoredMesh, Mesh, TexturedMesh, vertex_normals
@@ -334,6 +335,13 @@ def test_an_image_by_extension_is_declared_as_required(tmp_path, kind):
         assert texture["extensions"] == {name: {"source": number}} and "source" not in texture
     assert {image["mimeType"] for image in content["images"]} == {f"image/{kind}"}
     assert binary.count(b"not looked at") == 2
+    assert required_extensions(tmp_path / "m.glb") == (name,)
+
+
+def test_a_file_that_is_no_glb_requires_nothing(tmp_path):
+    for content in (b"", b"glTF", b"glTF" + bytes(40), b"ply\n" * 10):
+        (tmp_path / "m.glb").write_bytes(content)
+        assert required_extensions(tmp_path / "m.glb") == ()
 
 
 @pytest.mark.parametrize("offset", [0.0, UTM], ids=["near", "surveyed"])

@@ -11,9 +11,10 @@ from texproj.cli import main
 from texproj.color.atlas import Atlas, AtlasStats
 from texproj.color.result import Texture, VertexColors
 from texproj.errors import UsageError
-from texproj.formats.models import read_model
+from texproj.formats.models import read_model, write_glb, write_pages
 from texproj.mesh import MeshSource
 from texproj.options import ColorOptions, OutputOptions
+from texproj.preview.session import shown_stamp
 from texproj.project import Project
 from texproj.stages.coloring import SECTIONS
 from texproj.stages.freshness import options_inputs
@@ -202,3 +203,14 @@ def test_a_change_of_output_alone_makes_the_model_stale(project_folder):
         options_inputs(p, 1, *SECTIONS) for p in (project, project.with_settings(jpeg))
     )
     assert {name for name in before if before[name] != after[name]} == {"[output] settings"}
+
+
+def test_the_page_offers_no_model_that_it_cannot_show(tmp_path):
+    """KTX 2 needs a transcoder that the page does not have; all else is shown."""
+    mesh, texture = textured()
+    model = textured_mesh(mesh, texture)
+    images = write_pages(tmp_path / "page", model.pages, "png")
+    for kind, shown in (("png", True), ("webp", True), ("ktx2", False)):
+        write_glb(tmp_path / "model.glb", model, images, kind)
+        assert (shown_stamp(tmp_path / "model.glb") is not None) == shown
+    assert shown_stamp(tmp_path / "nothing.glb") is None

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from texproj.errors import InputError
+from texproj.photo import srgb_from_linear
 from texproj.preview.surface import Surface
 from texproj.project import Project
 
@@ -46,8 +47,12 @@ def texture_colors(project: Project, surface: Surface) -> NDArray[np.uint8]:
 
 
 def _part_colors(part: trimesh.Trimesh) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
-    """Vertices of one primitive, and the texture's color at each."""
+    """Vertices of one primitive, and its own or the texture's color at each."""
     colors = np.zeros((len(part.vertices), 4), np.uint8)
+    linear = getattr(part.visual, "vertex_attributes", {}).get("color")
+    if linear is not None:
+        colors[:, :3] = np.round(srgb_from_linear(linear[:, :3]) * 255)
+        colors[:, 3] = 255
     image = getattr(getattr(part.visual, "material", None), "baseColorTexture", None)
     uv = getattr(part.visual, "uv", None)
     if image is not None and uv is not None:

@@ -11,6 +11,8 @@ from typing import Any, TypeVar
 
 from texproj.errors import TexprojError
 from texproj.files import json_hash
+from texproj.formats.models.binary import required_extensions
+from texproj.formats.models.glb import IMAGE_EXTENSIONS
 from texproj.mesh import MeshSource
 from texproj.options import PreviewOptions
 from texproj.preview.events import Hub
@@ -79,7 +81,7 @@ class Session:
             "name": self.root.resolve().name,
             "mesh": {"key": project.hash_of(project.mesh_path), "file": project.mesh_path.name},
             "photos": [photo_facts(project, name, entries.get(name)) for name in names],
-            "models": {name: stamp(project.out / name) for name in MODEL_FILES},
+            "models": {name: shown_stamp(project.out / name) for name in MODEL_FILES},
             "jobs": [job.as_dict() for job in self.jobs.active],
         }
 
@@ -147,6 +149,15 @@ def stamp(path: Path) -> str | None:
     except OSError:
         return None
     return f"{stat.st_mtime_ns:x}-{stat.st_size:x}"
+
+
+def shown_stamp(path: Path) -> str | None:
+    """`stamp` of a model that the page can show: not one with images in KTX 2."""
+    try:
+        hidden = IMAGE_EXTENSIONS["ktx2"] in required_extensions(path)
+    except OSError:
+        return None
+    return None if hidden else stamp(path)
 
 
 def stamps(root: Path) -> dict[str, str | None]:

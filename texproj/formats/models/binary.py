@@ -79,6 +79,19 @@ class Document:
                 _write(blob, file)
 
 
+def required_extensions(path: Path) -> tuple[str, ...]:
+    """What a viewer must know to show a GLB; nothing for a file that is none. Raises OSError."""
+    with path.open("rb") as file:
+        head = file.read(20)
+        if len(head) < 20 or head[:4] != b"glTF":
+            return ()
+        text = file.read(struct.unpack("<I", head[12:16])[0])
+    try:
+        return tuple(json.loads(text).get("extensionsRequired", ()))
+    except (ValueError, AttributeError):
+        return ()
+
+
 def _length(blob: Blob) -> int:
     return blob.stat().st_size if isinstance(blob, Path) else blob.nbytes
 

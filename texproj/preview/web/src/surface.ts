@@ -78,7 +78,7 @@ export class Surface {
     this.textured.position.copy(this.center).negate();
     this.textured.add(loaded.scene);
     loaded.scene.traverse((node) => {
-      if (node instanceof THREE.Mesh) node.material = this.texturedMaterial(node.material);
+      if (node instanceof THREE.Mesh) node.material = this.modelMaterial(node);
     });
     this.group.add(this.textured);
     this.show();
@@ -125,11 +125,13 @@ export class Surface {
     if (this.textured) this.textured.visible = textured && !light;
   }
 
-  private texturedMaterial(original: THREE.Material | THREE.Material[]): THREE.ShaderMaterial {
-    const first = Array.isArray(original) ? original[0] : original;
+  /** For a part of a glb: with a texture, with vertex colors, or with neither. */
+  private modelMaterial(part: THREE.Mesh): THREE.ShaderMaterial {
+    const first = Array.isArray(part.material) ? part.material[0] : part.material;
     const map = (first as THREE.MeshBasicMaterial).map ?? null;
     const material = surfaceMaterial({ ...this.uniforms, map: { value: map } });
-    material.defines[map ? "USE_MAP" : "UNSEEN"] = "";
+    const colored = "color" in part.geometry.attributes;
+    material.defines[map ? "USE_MAP" : colored ? "LINEAR_COLOR" : "UNSEEN"] = "";
     if (map) map.anisotropy = 2;
     return material;
   }

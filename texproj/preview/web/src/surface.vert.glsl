@@ -1,6 +1,11 @@
 // Vertex shader of the model. in: position relative to the scene's center (mesh units), normal
-// (unit), rgba (sRGB, a = seen), value (layer); out: the same for the fragment, color in linear light.
+// (unit), rgba (sRGB, a = seen) or color (linear, of a glb), value (layer); out: the same for the
+// fragment, color in linear light.
+#ifdef LINEAR_COLOR
+in vec3 color;
+#else
 in vec4 rgba;
+#endif
 in float value;
 out vec3 vNormal;
 out vec3 vNormalInView;
@@ -19,7 +24,11 @@ void main() {
   vNormal = normal;
   vNormalInView = normalMatrix * normal;
   vPositionInView = inView.xyz;
+#ifdef LINEAR_COLOR
+  vColor = vec4(color, 1.0);
+#else
   vColor = vec4(linearOf(rgba.rgb), rgba.a);
+#endif
   vValue = value;
   vFlatValue = value;
 #ifdef USE_MAP
