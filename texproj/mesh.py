@@ -104,6 +104,11 @@ def face_cross(vertices: ArrayLike, faces: ArrayLike) -> NDArray[np.float64]:
     return np.cross(v[f[:, 1]] - a, v[f[:, 2]] - a)
 
 
+def norms(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n,) lengths of (n, k) vectors; several times faster than a norm along an axis."""
+    return np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+
+
 def face_normals(mesh: Mesh) -> NDArray[np.float64]:
     """(F, 3) unit normals; zero for faces without area."""
     return _unit(face_cross(mesh.vertices, mesh.faces))
@@ -111,7 +116,7 @@ def face_normals(mesh: Mesh) -> NDArray[np.float64]:
 
 def face_areas(mesh: Mesh) -> NDArray[np.float64]:
     """(F,) areas in squared mesh units."""
-    return 0.5 * np.linalg.norm(face_cross(mesh.vertices, mesh.faces), axis=1)
+    return 0.5 * norms(face_cross(mesh.vertices, mesh.faces))
 
 
 def vertex_normals(mesh: Mesh) -> NDArray[np.float64]:

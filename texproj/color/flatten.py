@@ -20,7 +20,7 @@ from texproj.color.segmentation import (
     smoothed_normals,
     sum_by_label,
 )
-from texproj.mesh import Mesh, face_areas, face_cross
+from texproj.mesh import Mesh, face_areas, face_cross, norms
 from texproj.options import UnwrapOptions
 
 Bools = NDArray[np.bool_]
@@ -98,7 +98,7 @@ def _regions(mesh: Mesh, graph: DualGraph, options: UnwrapOptions) -> Ints:
     labels = grow_regions(smooth, graph.pairs, graph.lengths, options.flatness)
     limit = np.cos(np.radians(options.steepest_deg))
     axes = plane_axes(sum_by_label(normals, labels, int(labels.max()) + 1))[:, 2]
-    area = np.linalg.norm(normals, axis=1)
+    area = norms(normals)
     both = np.concatenate([graph.pairs, graph.pairs[:, ::-1]])
     for _ in range(SWAPS):
         steep = np.einsum("ij,ij->i", normals, axes[labels]) < limit * area

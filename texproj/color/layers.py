@@ -45,7 +45,8 @@ def _doubled_in_rows(
     touched[edges[edge[twice + 1]]] = True
     covered = (length * row_height[chart])[twice, None]
     area = sum_by_label(covered, chart[twice], charts.count)[:, 0]
-    return touched[charts.faces].sum(axis=1) > 1, area
+    a, b, c = touched[charts.faces].T
+    return (a & b) | (b & c) | (c & a), area
 
 
 def _crossings(charts: Charts, edges: Ints, row_height: Floats) -> tuple[Ints, Ints, Floats, Ints]:
@@ -55,8 +56,8 @@ def _crossings(charts: Charts, edges: Ints, row_height: Floats) -> tuple[Ints, I
     size = extents(charts.uv, charts.starts)[1]
     height = np.maximum(np.maximum(row_height, size[:, 1] / MOST_ROWS), 1e-300)
     y = charts.uv[edges, 1] / height[charts.chart_of_uv[edges]]
-    first = np.ceil(y.min(axis=1) - 0.5).astype(np.int64)
-    rows = np.ceil(y.max(axis=1) - 0.5).astype(np.int64) - first
+    first = np.ceil(np.minimum(*y.T) - 0.5).astype(np.int64)
+    rows = np.ceil(np.maximum(*y.T) - 0.5).astype(np.int64) - first
     edge = np.repeat(np.arange(len(edges)), rows)
     row = first[edge] + np.arange(len(edge)) - np.repeat(np.cumsum(rows) - rows, rows)
     begin, rise = y[edge, 0], y[edge, 1] - y[edge, 0]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from texproj.mesh import Mesh
+from texproj.mesh import Mesh, norms
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -42,7 +42,7 @@ class DualGraph:
         number = np.full(count, -1)
         number[rows] = np.arange(len(rows))
         pairs = number[self.pairs]
-        kept = (pairs >= 0).all(axis=1)
+        kept = (pairs[:, 0] >= 0) & (pairs[:, 1] >= 0)
         return DualGraph(pairs[kept], self.lengths[kept])
 
 
@@ -58,8 +58,8 @@ def dual_graph(mesh: Mesh) -> DualGraph:
     one, two = order[twice], order[twice + 1]
     opposite = start[one] == end[two]
     one, two = one[opposite], two[opposite]
-    lengths = np.linalg.norm(mesh.vertices[start[one]] - mesh.vertices[end[one]], axis=1)
-    return DualGraph(np.stack([one // 3, two // 3], axis=1), lengths)
+    length = norms(mesh.vertices[start[one]] - mesh.vertices[end[one]])
+    return DualGraph(np.stack([one // 3, two // 3], axis=1), length)
 
 
 def smoothed_normals(area_normals: Floats, graph: DualGraph) -> Floats:
@@ -111,7 +111,7 @@ def grow_regions(normals: Floats, pairs: Ints, lengths: Floats, flatness: float)
     lambda schedule of Mumford-Shah segmentation, Robinson et al. 2002), as long as
     |N| >= flatness * A. In each round all pairs merge that are each other's best.
     """
-    regions = _Regions(normals, np.linalg.norm(normals, axis=1))
+    regions = _Regions(normals, norms(normals))
     labels = np.arange(len(normals))
     borders = _merge_parallel(pairs, lengths, len(normals))
     while len(borders.lengths):
@@ -155,8 +155,8 @@ class _Regions:
 
     def merge_cost(self, borders: _Borders, flatness: float) -> tuple[Floats, NDArray[np.bool_]]:
         i, j = borders.pairs.T
-        length = np.linalg.norm(self.normals, axis=1)
-        joint = np.linalg.norm(self.normals[i] + self.normals[j], axis=1)
+        length = norms(self.normals)
+        joint = norms(self.normals[i] + self.normals[j])
         rise = length[i] + length[j] - joint
         cost = rise + COMPACTNESS * np.minimum(self.area[i], self.area[j])
         return cost / borders.lengths, joint >= flatness * (self.area[i] + self.area[j])
@@ -171,7 +171,7 @@ class _Regions:
 
 def _merge_parallel(pairs: Ints, lengths: Floats, count: int) -> _Borders:
     """Borders between different regions, one for each pair of regions."""
-    low, high = pairs.min(axis=1), pairs.max(axis=1)
+    low, high = np.minimum(*pairs.T), np.maximum(*pairs.T)
     real = low != high
     key = low[real] * count + high[real]
     order = np.argsort(key)
