@@ -11,10 +11,19 @@ from texproj.cli import main
 from texproj.color.atlas import Atlas, AtlasStats
 from texproj.color.result import Texture, VertexColors
 from texproj.errors import UsageError
-from texproj.formats.models import read_model, write_glb, write_pages
-from texproj.mesh import MeshSource
+from texproj.formats.models import (
+    read_model,
+    write_colored_glb,
+    write_glb,
+    write_pages,
+    write_ply,
+)
+from texproj.mesh import ColoredMesh, Mesh, MeshSource
 from texproj.options import ColorOptions, OutputOptions
+from texproj.photo import linear_from_srgb
+from texproj.preview.colors import texture_colors
 from texproj.preview.session import shown_stamp
+from texproj.preview.surface import Surface
 from texproj.project import Project
 from texproj.stages.coloring import SECTIONS
 from texproj.stages.freshness import options_inputs
@@ -214,3 +223,23 @@ def test_the_page_offers_no_model_that_it_cannot_show(tmp_path):
         write_glb(tmp_path / "model.glb", model, images, kind)
         assert (shown_stamp(tmp_path / "model.glb") is not None) == shown
     assert shown_stamp(tmp_path / "nothing.glb") is None
+
+
+def test_the_light_mesh_of_the_page_takes_the_vertex_colors_of_a_glb(tmp_path):
+    """A ball whose color is its place, at surveyed coordinates; to the size of a light triangle."""
+    ball = trimesh.creation.icosphere(4)
+    offset = np.array([691_607.25, 5_334_760.5, 512.0])
+    mesh = Mesh(ball.vertices + offset, ball.faces.astype(np.int32))
+    colors = (ball.vertices / 2 + 0.5).astype(np.float32)
+    (tmp_path / "mesh").mkdir()
+    (tmp_path / "out").mkdir()
+    write_ply(tmp_path / "mesh" / "m.ply", mesh.vertices, mesh.faces, None)
+    write_colored_glb(
+        tmp_path / "out" / "model.glb", ColoredMesh(mesh.vertices, mesh.faces, colors)
+    )
+    project = Project.open(tmp_path)
+    surface = Surface(project, 1000)
+    rgba = texture_colors(project, surface)
+    place = (surface.light.mesh.vertices - offset) / 2 + 0.5
+    assert (rgba[:, 3] == 255).all()
+    assert np.abs(linear_from_srgb(rgba[:, :3] / 255) - place).max() < 0.08

@@ -39,15 +39,18 @@ def texture_colors(project: Project, surface: Surface) -> NDArray[np.uint8]:
     path = project.out / "model.glb"
     if surface.light is None or not path.is_file():
         raise InputError(f"no {path}, or a mesh too small to be simplified")
-    parts = [_part_colors(part) for part in trimesh.load_scene(path, process=False).dump()]
+    scene = trimesh.load_scene(path, process=False)
+    parts = [_part_colors(scene, node) for node in scene.graph.nodes_geometry]
     vertices = np.concatenate([xyz for xyz, _ in parts])
     colors = np.concatenate([rgba for _, rgba in parts])
     nearest = cKDTree(vertices).query(surface.light.mesh.vertices)[1]
     return np.ascontiguousarray(colors[nearest])
 
 
-def _part_colors(part: trimesh.Trimesh) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
-    """Vertices of one primitive, and its own or the texture's color at each."""
+def _part_colors(scene: trimesh.Scene, node: str) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    """Vertices of one primitive in the world, and its own or the texture's color at each."""
+    transform, name = scene.graph[node]
+    part = scene.geometry[name]
     colors = np.zeros((len(part.vertices), 4), np.uint8)
     linear = getattr(part.visual, "vertex_attributes", {}).get("color")
     if linear is not None:
@@ -60,7 +63,7 @@ def _part_colors(part: trimesh.Trimesh) -> tuple[NDArray[np.float64], NDArray[np
         size = np.array([small.shape[1], small.shape[0]])
         column, row = np.clip((uv * (1, -1) + (0, 1)) * size, 0, size - 1).astype(int).T
         colors[:, :3], colors[:, 3] = small[row, column], 255
-    return np.asarray(part.vertices), colors
+    return trimesh.transform_points(part.vertices, transform), colors
 
 
 SMALL_PX = 2048
