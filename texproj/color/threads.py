@@ -41,12 +41,14 @@ def ahead(make: Callable[[int], T], count: int, most: int = 1) -> Iterator[T]:
     coming = deque(pool.submit(make, number) for number in range(min(most, count)))
 
     def each() -> Iterator[T]:
-        with pool:
-            following = iter(range(len(coming), count))
+        following = iter(range(len(coming), count))
+        try:
             while coming:
                 made = coming.popleft().result()
                 coming.extend(pool.submit(make, number) for number in islice(following, 1))
                 yield made
                 del made
+        finally:
+            pool.shutdown(cancel_futures=True)
 
     return each()
