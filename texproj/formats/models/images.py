@@ -6,7 +6,7 @@ import io
 import os
 import struct
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from pathlib import Path
@@ -17,6 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.errors import OutputError
+
+Bytes = bytes | bytearray | memoryview
 
 ImageFormat = Literal["png", "jpeg", "webp", "tiff"]
 
@@ -44,11 +46,16 @@ def encode_image(pixels: NDArray[Any], kind: ImageFormat, quality: int = QUALITY
     jpeg and webp, 1..100; 100 keeps every value in a webp. Raises OutputError for a page that is
     too large for a webp.
     """
+    return b"".join(_parts(pixels, kind, quality))
+
+
+def _parts(pixels: NDArray[Any], kind: ImageFormat, quality: int) -> Iterable[Bytes]:
+    """The file in pieces that need not be put together in memory."""
     if kind == "png":
         return _png(pixels)
     if kind == "tiff":
-        return _tiff(pixels)
-    return _jpeg(pixels, quality) if kind == "jpeg" else _webp(pixels, quality)
+        return (_tiff(pixels),)
+    return _jpeg(pixels, quality) if kind == "jpeg" else (_webp(pixels, quality),)
 
 
 def page_files(stem: Path, count: int, suffix: str) -> list[Path]:
@@ -75,7 +82,8 @@ def write_pages(
 
 
 def _write_page(file: Path, page: NDArray[Any], kind: ImageFormat, quality: int) -> None:
-    file.write_bytes(encode_image(page, kind, quality))
+    with file.open("wb") as out:
+        out.writelines(_parts(page, kind, quality))
 
 
 def to_8_bit(pixels: NDArray[Any]) -> NDArray[np.uint8]:
@@ -85,7 +93,7 @@ def to_8_bit(pixels: NDArray[Any]) -> NDArray[np.uint8]:
     return cv2.convertScaleAbs(pixels, alpha=1 / 257)
 
 
-def _png(pixels: NDArray[Any]) -> bytes:
+def _png(pixels: NDArray[Any]) -> Iterable[Bytes]:
     """Photographs hardly repeat: no search for repetitions, but the best prediction.
 
     Half the time of zlib's level 1 here, and smaller files; only flat images are larger.
@@ -104,14 +112,14 @@ def _png(pixels: NDArray[Any]) -> bytes:
         _png_chunk(b"gAMA", struct.pack(">I", GAMMA)),
         _png_chunk(b"cHRM", struct.pack(">8I", *CHROMATICITIES)),
     )
-    return b"".join((data[:header_end], *tags, memoryview(data)[header_end:]))
+    return data[:header_end], *tags, memoryview(data)[header_end:]
 
 
 def _png_chunk(name: bytes, body: bytes) -> bytes:
     return struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
 
 
-def _jpeg(pixels: NDArray[Any], quality: int) -> bytes:
+def _jpeg(pixels: NDArray[Any], quality: int) -> Iterable[Bytes]:
     sampling = cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444
     rgb = to_8_bit(pixels[..., :3])
     done, encoded = cv2.imencode(
@@ -125,7 +133,7 @@ def _jpeg(pixels: NDArray[Any], quality: int) -> bytes:
     at = 2  # after the start marker, and after JFIF's segment that must come first
     if data[2:4] == b"\xff\xe0":
         at = 4 + int.from_bytes(data[4:6], "big")
-    return data[:at] + segment + data[at:]
+    return data[:at], segment, memoryview(data)[at:]
 
 
 def _webp(pixels: NDArray[Any], quality: int) -> bytes:
