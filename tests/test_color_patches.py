@@ -145,7 +145,7 @@ def test_no_texel_has_two_faces():
     front = ((view.center - corners[:, 0]) * normals).sum(axis=1) > 0
     labels = np.where(front, 0, -1).astype(np.int32)
     density = np.full(len(labels), 60.0, np.float32)
-    atlas = patch_atlas(mesh, [view], labels, density, UnwrapOptions())
+    atlas = patch_atlas(mesh, dual_graph(mesh), [view], labels, density, UnwrapOptions())
     assert atlas.stats.overlap_splits > 0
     corners = atlas.uv_px[atlas.faces]
     (a, b), (c, d) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T

@@ -170,7 +170,7 @@ class PatchOptions:
     smallest_px: Annotated[float, Field(ge=0)] = 200.0
     """Patches of fewer pixels join their neighbors where those may show them."""
 
-    strip_px: Annotated[float, Field(gt=0, le=1000)] = 12.0
+    strip_px: Annotated[float, Field(gt=0, le=1000)] = 16.0
     """Width on either side of a seam in which the two photos fade into each other."""
 
     level_px: Annotated[float, Field(ge=0, le=10000)] = 20.0

@@ -16,8 +16,8 @@ from texproj.color.flatten import Regions, flatten
 from texproj.color.layers import doubled
 from texproj.color.packing import Placement, pack
 from texproj.color.patch_labels import Labels
-from texproj.color.segmentation import DualGraph, Ints, connected, dual_graph
-from texproj.mesh import Mesh, face_areas
+from texproj.color.segmentation import DualGraph, Ints, connected
+from texproj.mesh import Mesh, face_areas, face_normals
 from texproj.options import UnwrapOptions
 
 UNSEEN = 0.25
@@ -32,12 +32,16 @@ ROUNDS = 8
 SMALLEST_PX = 2.0
 """Smaller patches are enlarged, so that each holds a texel center."""
 
+LEVEL = 0.9
+"""Cosine of the angle between faces up to which a photo of one goes on over the other."""
+
 EXPECTED_FILL = 0.7
 """Part of the pages that patches cover; the first guess where they must shrink."""
 
 
 def patch_atlas(
     mesh: Mesh,
+    graph: DualGraph,
     cameras: Sequence[Camera],
     labels: Labels,
     density: NDArray[np.float32],
@@ -54,11 +58,25 @@ def patch_atlas(
     parts: list[Charts] = []
     overlaps = 0
     if len(seen):
-        parts, overlaps = _patches(mesh, cameras, labels, dual_graph(mesh), room)
+        parts, overlaps = _patches(mesh, cameras, labels, graph, room)
     if len(unseen):
         parts.append(_flat(mesh, unseen, density, options))
     charts, scale, placed = _fit(join(parts), options, room)
     return _atlas(mesh, charts, placed, scale, (options.padding_px, overlaps))
+
+
+def continued(mesh: Mesh, atlas: Atlas, graph: DualGraph) -> NDArray[np.bool_]:
+    """(F,) faces at the border of a chart beyond which the surface goes on nearly flat, wherever
+    the chart ends there: a photo may go on beyond the border.
+    """
+    one, two = graph.pairs.T
+    normals = face_normals(mesh)
+    level = np.einsum("ij,ij->i", normals[one], normals[two]) > LEVEL
+    count = len(mesh.faces)
+    neighbors = np.bincount(graph.pairs[level].ravel(), minlength=count)
+    border = ~graph.within(atlas.chart_of_face.astype(np.int64))
+    outer = np.bincount(graph.pairs[border].ravel(), minlength=count)
+    return (outer > 0) & (neighbors == 3)
 
 
 def _patches(

@@ -26,8 +26,8 @@ GROUPS_PX = (40.0, 13.0)
 RINGS = 3
 """How far from a seam faces or groups may still change, in neighbors."""
 
-CYCLES = 3
-"""Rounds over all photos at most; more hardly change anything."""
+CYCLES = 2
+"""Rounds over all photos at most; a third changes nothing for the better."""
 
 STEPS = 20.0
 """Integer steps of the energy per square pixel: SciPy's flow counts in integers."""
@@ -107,6 +107,11 @@ class _Problem:
         """(n,) nodes at most `RINGS` neighbors from another label."""
         near = np.zeros(self.count, bool)
         near[self.pairs[labels[self.pairs[:, 0]] != labels[self.pairs[:, 1]]]] = True
+        return self._around(near)
+
+    def _around(self, near: Bools) -> Bools:
+        """(n,) nodes at most `RINGS` - 1 neighbors away from some."""
+        near = near.copy()
         for _ in range(RINGS - 1):
             near[self.pairs[near[self.pairs].any(axis=1)]] = True
         return near
@@ -116,7 +121,7 @@ class _Problem:
         labels, current = labels.copy(), self.costs(labels)
         around = np.bincount(self.pairs.ravel(), np.repeat(self.weight, 2), self.count)
         for _ in range(CYCLES):
-            changed = 0
+            changed = np.zeros(self.count, bool)
             for photo, part in self.parts.items():
                 node, rise = self.node[part], self.cost[part] - current[self.node[part]]
                 movable = free[node] & (labels[node] != photo) & (rise <= around[node])
@@ -124,9 +129,10 @@ class _Problem:
                 chosen = np.flatnonzero(movable)[moved]
                 labels[node[chosen]] = photo
                 current[node[chosen]] += rise[chosen]
-                changed += len(chosen)
-            if changed <= self.count // 2000:
+                changed[node[chosen]] = True
+            if np.count_nonzero(changed) <= self.count // 2000:
                 break
+            free = free & self._around(changed)
         return labels
 
     def _expansion(self, labels: Labels, photo: int, node: Ints, rise: Ints) -> Ints:

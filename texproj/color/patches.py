@@ -23,7 +23,7 @@ from texproj.color.depths import Depths
 from texproj.color.gains import Gains
 from texproj.color.memory import return_freed_memory
 from texproj.color.pages import fill_page
-from texproj.color.patch_charts import patch_atlas
+from texproj.color.patch_charts import continued, patch_atlas
 from texproj.color.patch_labels import Labels, choose_photos, merge_islands
 from texproj.color.patch_seams import PatchBlend, PatchBlends
 from texproj.color.patch_views import FacePoints, FaceViews, face_views, survey_options
@@ -88,10 +88,11 @@ def color_patches(
         absolute, checker = absolute_matrix(settings.color, evidence, light)
         gains = light.gains
         views = face_views(points, cameras, spill, gains, settings.color, patch)
-        labels = _labels(mesh, views, dual_graph(mesh), patch)
+        graph = dual_graph(mesh)
+        labels = _labels(mesh, views, graph, patch)
         blends = PatchBlends(mesh, labels, views, patch)
-        atlas = patch_atlas(mesh, cameras, labels, views.density, settings.unwrap)
-        texels = TexelPoints.of(mesh, atlas, scratch)
+        atlas = patch_atlas(mesh, graph, cameras, labels, views.density, settings.unwrap)
+        texels = TexelPoints.of(mesh, atlas, scratch, continued(mesh, atlas, graph))
         pixels = _cut(texels, mesh, atlas, blends, gains, shots, steps)
         del points, spill, views, blends, shots  # before the pages are made
         pages, counts = _bake(texels, atlas, pixels, absolute, settings.color)
@@ -215,6 +216,8 @@ class _Cutter:
         values = at_texels(self.maps[face], self.corners[self.row[face]], x, y)
         weight = samples.packed[:, 3] * np.clip(values[:, 0], 0, 1)
         used = weight > 0
+        if not used.any():
+            return
         rgb = samples.packed[:, :3].astype(np.float32)
         root = np.sqrt(rgb * np.float32(1 / WHITE)) * self.root_gain + values[:, 1:]
         packed = np.empty_like(samples.packed)

@@ -19,6 +19,10 @@ from texproj.mesh import Mesh, face_areas, vertex_normals
 TILE = 256
 """Edge of the square of texels that makes one chunk: near on the page is near on the surface."""
 
+GUTTER = 2
+"""Texels that faces may grow beyond their charts: what bilinear filters and the first mipmaps read;
+at most half of the padding."""
+
 
 class Tile(NamedTuple):
     """A square of a page that holds texels of the surface.
@@ -42,8 +46,17 @@ class TexelPoints:
     scratch: Scratch
 
     @classmethod
-    def of(cls, mesh: Mesh, atlas: Atlas, scratch: Scratch) -> TexelPoints:
-        """All texels of the atlas, written to `scratch`."""
+    def of(
+        cls,
+        mesh: Mesh,
+        atlas: Atlas,
+        scratch: Scratch,
+        growing: NDArray[np.bool_] | None = None,
+    ) -> TexelPoints:
+        """All texels of the atlas, written to `scratch`.
+
+        growing: (F,) faces whose planes go on for `GUTTER` texels outside of their charts, if any.
+        """
         corners = (mesh.vertices - mesh.center)[mesh.faces]
         normal = vertex_normals(mesh)[mesh.faces].sum(axis=1)
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
@@ -57,7 +70,7 @@ class TexelPoints:
         frames = surface_frames(corners, uv)
         tiles = []
         for page in range(len(atlas.page_sizes)):
-            tiles += _write_page(page, face_image(atlas, page), frames, scratch)
+            tiles += _write_page(page, face_image(atlas, page), frames, scratch, growing)
         return cls(owners, tiles, scratch)
 
     @property
@@ -103,7 +116,11 @@ def _mask_bytes(tile: Tile) -> int:
 
 
 def _write_page(
-    page: int, faces: NDArray[np.int32], frames: Floats, scratch: Scratch
+    page: int,
+    faces: NDArray[np.int32],
+    frames: Floats,
+    scratch: Scratch,
+    growing: NDArray[np.bool_] | None,
 ) -> list[Tile]:
     """The tiles of a page; each: which texels, then their faces, then their positions."""
     height, width = faces.shape
@@ -114,6 +131,8 @@ def _write_page(
         y, x = corners[number]
         rows, columns = slice(y, min(y + TILE, height)), slice(x, min(x + TILE, width))
         part = faces[rows, columns]
+        if growing is not None:
+            part = _grown(faces, rows, columns, growing)
         mask = part >= 0
         inside = np.flatnonzero(mask)
         if len(inside):
@@ -125,6 +144,20 @@ def _write_page(
 
     in_parallel(one, range(len(corners)))
     return [tile for tile in tiles if tile is not None]
+
+
+def _grown(
+    faces: NDArray[np.int32], rows: slice, columns: slice, growing: NDArray[np.bool_]
+) -> NDArray[np.int32]:
+    """Part of an image of faces in which growing ones have spread into empty texels."""
+    top, left = max(rows.start - GUTTER, 0), max(columns.start - GUTTER, 0)
+    part = faces[top : rows.stop + GUTTER, left : columns.stop + GUTTER]
+    for _ in range(GUTTER):
+        source = np.where(growing[part], part, -1).astype(np.float32)  # exact up to 16 M faces
+        spread = cv2.dilate(source, np.ones((3, 3), np.uint8)).astype(np.int32)
+        part = np.where(part < 0, spread, part)
+    part = part[rows.start - top :, columns.start - left :]
+    return part[: rows.stop - rows.start, : columns.stop - columns.start].copy()
 
 
 def on_surface(frames: Floats, owner: NDArray[np.int32], x: Floats, y: Floats) -> Floats:

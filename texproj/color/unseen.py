@@ -41,7 +41,8 @@ def fill_unseen(
             weight = barycentric(corners[face], xy)
             colors = np.einsum("nk,nkc->nc", weight, rgb[mesh.faces[face]])
             page = pages[tile.page][tile.rows, tile.columns]
-            page[empty] = np.round(colors).astype(page.dtype)
+            top = np.iinfo(page.dtype).max
+            page[empty] = np.round(colors.clip(0, top)).astype(page.dtype)
 
 
 def vertex_colors(
