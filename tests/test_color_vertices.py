@@ -110,7 +110,7 @@ def test_a_moving_thing_is_left_out(cpu):
     photos = [picture(c, with_visitor if i == 1 else pattern) for i, c in enumerate(cameras)]
     hit = np.abs(mesh.vertices[:, :2] - (0, 0.1)).max(axis=1) < 0.25
     robust = color(mesh, cameras, photos, cpu)
-    plain = color(mesh, cameras, photos, cpu, robust_rounds=0)
+    plain = color(mesh, cameras, photos, cpu, blend="mean")
     assert np.abs(plain.rgb - truth(mesh))[hit].max() > 0.1
     assert np.abs(robust.rgb - truth(mesh))[hit].max() < 0.03
 

@@ -84,15 +84,22 @@ class ColorOptions:
     gains: bool = True
     """Correct each photo's exposure and white balance by what the others show there."""
 
+    vignetting: bool = True
+    """Correct the light that a lens loses towards the corners, where the photos tell it surely."""
+
+    blend: Literal["multi-band", "robust", "mean", "best"] = "multi-band"
+    """How the photos of a point become one color. "robust": the average of those that agree;
+    "multi-band": the same, and what averaging takes from fine detail is given back as far as the
+    photos agree on it; "mean": the plain weighted average; "best": one photo, the best of those
+    that agree."""
+
     robust_scale: Positive = 0.1
     """Difference from the other photos (square root of linear light, 1 = white) at which a sample
     counts half."""
 
-    robust_rounds: Annotated[int, Field(ge=0, le=50)] = 4
-    """Rounds of reweighting against samples that disagree; 0 = plain weighted mean."""
-
-    preference: Annotated[float, Field(ge=0, le=8)] = 2.3
-    """How strongly the best of the photos that agree is preferred: the power of its weight."""
+    preference: Annotated[float, Field(ge=0, le=8)] = 0.7
+    """How strongly the best of the photos that agree is preferred: the power of its weight. Not
+    used by the blend "mean", where it is 1."""
 
     texels_per_pixel: Annotated[float, Field(gt=0, le=4)] = 1.0
     """Texels along a line per pixel of the photo that shows the surface best."""

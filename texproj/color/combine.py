@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.color.bands import LUMINANCE, restored
 from texproj.color.points import Floats
 from texproj.color.spill import Stack
 from texproj.options import ColorOptions
 
 BLOCK = 1 << 13
 """Points whose samples from several photos fit the processor's cache."""
+
+ROUNDS = 3
+"""Rounds of reweighting: the first with the colors' tint, which hardly moves afterwards."""
+
+TINY = np.float32(1e-20)
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,49 +37,121 @@ class Blend:
     share: NDArray[np.float64]
 
 
-def blend(stack: Stack, gain: Floats, options: ColorOptions) -> Blend:
-    """The robust weighted mean of the photos' colors times their gains.
+@dataclass(frozen=True, eq=False)
+class Views:
+    """What p photos say about n points, brought to the same exposure.
 
-    gain: (photos in all, 3). With `robust_rounds` 0 the plain weighted mean.
+    rgb: (p, 3, n) float32 linear light; weight: (p, n) float32, 0 where unseen; around: see
+    `Stack`.
+    """
+
+    rgb: Floats
+    weight: Floats
+    around: Floats | None
+
+    @property
+    def light(self) -> Floats:
+        """(p, n) square root of the luminance: close to how an eye weighs differences."""
+        return np.sqrt(np.einsum("c,pcn->pn", LUMINANCE, self.rgb))
+
+
+def blend(stack: Stack, gain: Floats, options: ColorOptions) -> Blend:
+    """One color per point from the photos' colors times their gains, by `options.blend`.
+
+    gain: (photos in all, 3).
     """
     n = stack.weight.shape[1]
     rgb = np.zeros((n, 3), np.float32)
-    total = np.zeros(n, np.float32)
     share = np.zeros(len(stack.photos))
-    if len(stack.photos):
-        factor = gain[stack.photos].astype(np.float32)
-        for start in range(0, n, BLOCK):
-            part = slice(start, start + BLOCK)
-            weight = stack.weight[:, part]
-            color = stack.rgb[:, :, part] * factor[:, :, None]
-            trust = weight
-            if options.robust_rounds:
-                trust = robust_weights(color, weight, options.robust_scale, options.robust_rounds)
-                trust *= weight ** np.float32(options.preference - 0.5)
-            norm = trust.sum(axis=0)
-            trust = trust / np.maximum(norm, np.float32(1e-20))
-            rgb[part] = np.einsum("pn,pcn->nc", trust, color)
-            total[part] = weight.sum(axis=0)
-            share += trust.sum(axis=1)
+    factor = gain[stack.photos].astype(np.float32)[:, :, None]
+    for start in range(0, n if len(stack.photos) else 0, BLOCK):
+        part = slice(start, start + BLOCK)
+        around = stack.around if stack.around is None else stack.around[:, part]
+        views = Views(stack.rgb[:, :, part] * factor, stack.weight[:, part], around)
+        trust, rgb[part] = METHODS[options.blend](views, options)
+        share += trust.sum(axis=1)
     count = np.count_nonzero(stack.weight, axis=0).astype(np.uint16)
-    return Blend(rgb, total, count, share)
+    return Blend(rgb, stack.weight.sum(axis=0), count, share)
 
 
-def robust_weights(color: Floats, weight: Floats, scale: float, iterations: int) -> Floats:
+def mean(views: Views, options: ColorOptions) -> tuple[Floats, Floats]:
+    """The weighted average of Callieri et al. 2008: (p, n) parts and (n, 3) colors."""
+    return mixed(views, views.weight)
+
+
+def robust(views: Views, options: ColorOptions) -> tuple[Floats, Floats]:
+    """The average of what agrees."""
+    return mixed(views, agreeing(views, views.light, options))
+
+
+def best(views: Views, options: ColorOptions) -> tuple[Floats, Floats]:
+    """The photo of the largest weight among those that agree with the average of what agrees."""
+    trust = agreeing(views, views.light, options)
+    usual = cv2.pow(views.weight, options.preference)
+    sound = trust >= np.float32(0.5) * usual
+    rank = np.where(sound, views.weight + 1, trust / np.maximum(usual, TINY)) * (views.weight > 0)
+    chosen = rank.argmax(axis=0) == np.arange(len(rank))[:, None]
+    return mixed(views, (chosen & (views.weight > 0)).astype(np.float32))
+
+
+def multi_band(views: Views, options: ColorOptions) -> tuple[Floats, Floats]:
+    """The average of what agrees in the light around the points, so that details that are a pixel
+    apart disagree with nobody; then details get back the strength that they have in the photos.
+    """
+    if views.around is None:
+        return robust(views, options)
+    light = views.light
+    soft = light * views.around
+    trust, rgb = mixed(views, agreeing(views, soft, options))
+    return trust, restored(rgb, trust, light - soft)
+
+
+METHODS: dict[str, Callable[[Views, ColorOptions], tuple[Floats, Floats]]] = {
+    "multi-band": multi_band,
+    "robust": robust,
+    "mean": mean,
+    "best": best,
+}
+
+
+def mixed(views: Views, trust: Floats) -> tuple[Floats, Floats]:
+    """(p, n) trust that sums to 1 where seen, and (n, 3) the colors averaged by it."""
+    trust = trust / np.maximum(trust.sum(axis=0), TINY)
+    return trust, np.einsum("pn,pcn->nc", trust, views.rgb)
+
+
+def agreeing(views: Views, light: Floats, options: ColorOptions) -> Floats:
     """(p, n) weights of a robust mean by iteratively reweighted least squares, Cauchy loss.
 
-    color: (p, 3, n) linear light; weight: (p, n). Starts from the mean by the square roots of the
-    weights, so that no single photo decides where the iteration begins. Differences are measured
-    on square roots, which is close to how an eye weighs them.
+    light: (p, n) square roots of luminance that are to agree. The weights to the power of
+    `options.preference` are kept by what agrees, and fall to half at `options.robust_scale` in the
+    square roots of linear light.
     """
-    encoded = np.sqrt(color)
-    trust = np.sqrt(weight)
-    base = trust
-    inverse = np.float32(1 / scale**2)
-    for _ in range(iterations):
-        norm = np.maximum(trust.sum(axis=0), np.float32(1e-20))
-        center = (trust[:, None] * encoded).sum(axis=0) / norm
-        residual = encoded - center
-        residual *= residual
-        trust = base / (1 + residual.sum(axis=1) * inverse)
+    base: Floats = cv2.pow(views.weight, options.preference)
+    inverse = np.float32(1 / options.robust_scale**2)
+    slack = _tint_distance(views, base) * inverse + 1
+    trust = base
+    for _ in range(ROUNDS):
+        apart = light - _center(trust, light)
+        apart *= apart
+        apart *= 3 * inverse  # all three channels differ by that
+        apart += slack
+        trust = base / apart
     return trust
+
+
+def _tint_distance(views: Views, trust: Floats) -> Floats:
+    """(p, n) squared distance of red and blue against luminance to those of the mean."""
+    light = views.light
+    out = np.zeros_like(light)
+    for channel in (0, 2):
+        tint = np.sqrt(views.rgb[:, channel]) - light
+        tint -= _center(trust, tint)
+        out += tint * tint
+    return out
+
+
+def _center(trust: Floats, values: Floats) -> Floats:
+    """(n,) means of (p, n) values."""
+    center: Floats = np.einsum("pn,pn->n", trust, values)
+    return center / np.maximum(trust.sum(axis=0), TINY)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.camera import Camera
+from texproj.color.bands import soft_light
 from texproj.color.lookup import photo_pixels, rescaled
 from texproj.color.pictures import picture_factors, silhouette_factor
 from texproj.color.points import Floats
@@ -34,7 +35,8 @@ def view_of(
     """A photo with what its (full-size) camera sees, rendered before by `depth_seen`."""
     camera = camera.resized(photo.width, photo.height)
     levels = image_pyramid(photo)
-    view = PhotoView(camera, depth_camera, depth, levels, info=photo.info)
+    soft = soft_light(levels) if options.blend == "multi-band" else ()
+    view = PhotoView(camera, depth_camera, depth, levels, info=photo.info, soft=soft)
     trust = in_depth_pixels(picture_trust(photo, levels, options), view)
     feather = silhouette_feather_px(camera, depth_camera, options)
     trust *= silhouette_factor(depth, depth_camera.intrinsics.fx, feather)

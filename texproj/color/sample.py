@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.color.bands import light_around
 from texproj.color.lookup import depth_pixels, photo_pixels, read_colors, taken
 from texproj.color.points import Chunk, Floats
 from texproj.color.sight import Sight
@@ -22,11 +23,12 @@ class Samples:
     """Colors of the points that a photo sees.
 
     seen: (n,) bool which points of the chunk; packed: (m, 4) uint16 linear rgb (`view.WHITE`) and
-    weight (`WEIGHT_ONE`), at least 1.
+    weight (`WEIGHT_ONE`), at least 1; around: (m,) see `bands.light_around`, or None.
     """
 
     seen: NDArray[np.bool_]
     packed: NDArray[np.uint16]
+    around: NDArray[np.uint16] | None = None
 
     @property
     def rgb(self) -> NDArray[np.uint16]:
@@ -63,7 +65,8 @@ def sample(chunk: Chunk, sight: Sight, view: PhotoView) -> Samples | None:
     np.maximum(weight * np.float32(WEIGHT_ONE), 1, out=packed[:, 3], casting="unsafe")
     mask = np.zeros(len(chunk), bool)
     mask[facing] = True
-    return Samples(mask, packed)
+    around = light_around(view, rgb, xy_px, level)[: len(seen)] if view.soft else None
+    return Samples(mask, packed, around)
 
 
 def project(chunk: Chunk, weight: Floats, sight: Sight, view: PhotoView) -> Floats:

@@ -10,6 +10,7 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.color.bands import AROUND_ONE
 from texproj.color.points import Floats
 from texproj.color.sample import WEIGHT_ONE, Samples
 from texproj.color.scratch import Scratch
@@ -21,6 +22,7 @@ class _Record:
     photo: int
     start: int
     count: int
+    around: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,18 +30,21 @@ class Stack:
     """What the photos say about one chunk of n points.
 
     photos: (p,) numbers of the photos that see some of it; rgb: (p, 3, n) float32 linear light,
-    0 where unseen; weight: (p, n) float32, 0 where unseen.
+    0 where unseen; weight: (p, n) float32, 0 where unseen; around: (p, n) float32 light around the
+    point against its own, as square roots, if it was sampled.
     """
 
     photos: NDArray[np.intp]
     rgb: Floats
     weight: Floats
+    around: Floats | None = None
 
 
 class Spill:
     """The samples of photos in a scratch file, chunk by chunk.
 
-    8 bytes per sample and one bit per point of a chunk that a photo sees any of.
+    8 bytes per sample (10 with the light around it) and one bit per point of a chunk that a photo
+    sees any of.
     """
 
     def __init__(self, sizes: list[int], scratch: Scratch) -> None:
@@ -52,29 +57,46 @@ class Spill:
     def add(self, photo: int, chunk: int, samples: Samples) -> None:
         """Keep what `photo` says about `chunk`."""
         bits = np.packbits(samples.seen)
-        start = self._scratch.append(bits.tobytes(), samples.packed.data.cast("B"))
+        parts = [bits.tobytes(), samples.packed.data.cast("B")]
+        if samples.around is not None:
+            parts.append(samples.around.data.cast("B"))
+        start = self._scratch.append(*parts)
+        record = _Record(photo, start, len(samples.packed), samples.around is not None)
         with self._lock:
-            self._records[chunk].append(_Record(photo, start, len(samples.packed)))
+            self._records[chunk].append(record)
 
     def read(self, chunk: int) -> Stack:
         """Everything about `chunk`, densely."""
         records = sorted(self._records[chunk], key=lambda record: record.photo)
+        photos = np.array([record.photo for record in records], np.intp)
         rgb = np.zeros((len(records), 3, self.sizes[chunk]), np.float32)
         weight = np.zeros((len(records), self.sizes[chunk]), np.float32)
+        around = np.zeros_like(weight) if records and records[0].around else None
         for row, record in enumerate(records):
-            values = self._load(record, self.sizes[chunk]).T
-            np.multiply(values[:3], np.float32(1 / WHITE), out=rgb[row])
-            np.multiply(values[3], np.float32(1 / WEIGHT_ONE), out=weight[row])
-        return Stack(np.array([record.photo for record in records], np.intp), rgb, weight)
+            values, ratio = self._load(record, self.sizes[chunk])
+            np.multiply(values.T[:3], np.float32(1 / WHITE), out=rgb[row])
+            np.multiply(values.T[3], np.float32(1 / WEIGHT_ONE), out=weight[row])
+            if around is not None:
+                np.multiply(ratio, np.float32(1 / AROUND_ONE), out=around[row])
+        return Stack(photos, rgb, weight, around)
 
-    def _load(self, record: _Record, points: int) -> NDArray[np.uint16]:
-        """(n, 4) values of a record, 0 where unseen."""
-        bits = -(-points // 8)
-        data = self._scratch.read(record.start, bits + 8 * record.count)
-        packed = np.frombuffer(data, np.uint16, 4 * record.count, bits).reshape(-1, 4)
-        if record.count == points:
-            return packed
-        dense = np.zeros((points, 4), np.uint16)
+    def _load(
+        self, record: _Record, points: int
+    ) -> tuple[NDArray[np.uint16], NDArray[np.uint16] | None]:
+        """(n, 4) values of a record and (n,) light around the points, 0 where unseen."""
+        bits, count = -(-points // 8), record.count
+        data = self._scratch.read(record.start, bits + (10 if record.around else 8) * count)
+        packed = np.frombuffer(data, np.uint16, 4 * count, bits).reshape(-1, 4)
+        ratio = None
+        if record.around:
+            ratio = np.frombuffer(data, np.uint16, count, bits + 8 * count)
+        if count == points:
+            return packed, ratio
         seen = np.unpackbits(np.frombuffer(data, np.uint8, bits), count=points).view(bool)
+        dense = np.zeros((points, 4), np.uint16)
         dense.view(np.uint64)[seen, 0] = packed.copy().view(np.uint64)[:, 0]
-        return dense
+        if ratio is None:
+            return dense, None
+        full = np.zeros(points, np.uint16)
+        full[seen] = ratio
+        return dense, full

@@ -32,7 +32,8 @@ class PhotoView:
     depth_camera: pinhole, covers the photo;
     depth: (h, w) float32 along the axis of the depth camera (inf = nothing there);
     trust: (h, w) float32 product of the silhouette's and the picture's factors, in the pixels of
-    the depth camera too; None = 1 everywhere; info: what the photo's header says.
+    the depth camera too; None = 1 everywhere; info: what the photo's header says;
+    soft: light around the pixels of each level, see `bands.soft_light`, or none.
     """
 
     camera: Camera
@@ -41,6 +42,7 @@ class PhotoView:
     levels: tuple[NDArray[Any], ...] = ()
     trust: Floats | None = None
     info: PhotoInfo | None = None
+    soft: tuple[Floats, ...] = ()
 
     @cached_property
     def lens(self) -> Floats | None:
