@@ -1,104 +1,100 @@
-"""Color against photos that were left out: fidelity, time, memory.
+"""Color against photos that were left out, beside other programs; seams, time, memory, scale.
 
-    python tests/bench_color.py [--data DIR] [--scenes sceaux-castle,fountain-P11] [--to texture]
-                                [--script rephoto.py] [--keep DIR]
+    python tests/bench_color.py --script REPHOTO.py [--what scenes,limit,scale,synthetic]
+                                [--data DIR] [--scenes sceaux-castle,fountain-P11] [--keep DIR]
+                                [--to texture,patches,vertices] [--python-open3d PYTHON]
 
-For each scene a project is made of the photos that are not held out, at the reference cameras,
-`texproj color` is run on it as a process of its own, and the model is compared with the photos
-left out by the measuring script whose path is given (virtual rephotography, Waechter et al. 2017);
-without a script only time, memory and coverage are printed. Further texturing programs are named
-if they are on PATH; they are not run.
+scenes: for each scene a project is made of the photos that are not held out, at the reference
+cameras; `texproj color` and the peers run on it as processes of their own; models are compared with
+the photos left out by the measuring script whose path is given (virtual rephotography, Waechter et
+al. 2017; without it fidelity is not measured). Seams: mean color step across borders of charts
+against the step inside, and the same divided by what the photos show there (tests/seams.py).
+limit: the whole command with all photos against what nobody can avoid: decoding all photos, one
+visibility render each, writing the files. scale: tests/color_scale.py. synthetic: color error
+against known truth, tests/color_synthetic.py. PyMeshLab is run if it can (it needs Qt's platform
+plugins), Open3D if this Python or the one given has it; others are looked for on PATH.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import os
-import shutil
-import subprocess
-import sys
 import tempfile
-import time
 from pathlib import Path
 
-CHECKOUT = Path(__file__).resolve().parent.parent
-HELD_OUT = {"sceaux-castle": ("00003", "00006"), "fountain-P11": ("0003", "0007")}
-PEERS = ("texrecon", "TextureMesh", "meshroom_batch", "colmap")
-MEASURES = ("psnr", "ssim", "one_minus_ncc", "detail")
-MODEL = {"vertices": "model.ply", "texture": "model.obj", "patches": "model.obj"}
+import color_scale
+import color_synthetic
+from color_peers import missing, open3d_python, peers
+from color_runs import CHECKOUT, HELD_OUT, MODEL, Run, color, compared, make_project
+from color_truth import rounds
+from seams import project_seams
+
+MEASURES = {"psnr": "PSNR", "ssim": "SSIM", "one_minus_ncc": "1-NCC", "detail": "detail"}
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    default = os.environ.get("TEXPROJ_DATA") or CHECKOUT / "../shared/data"
-    parser.add_argument("--data", type=Path, default=Path(default))
-    parser.add_argument("--scenes", default=",".join(HELD_OUT))
-    parser.add_argument("--to", default="texture,vertices")
-    parser.add_argument("--script", type=Path, help="the measuring script")
-    parser.add_argument("--keep", type=Path, help="folder in which the projects stay")
-    given = parser.parse_args()
-    print("programs beside:", ", ".join(f"{p} {'found' if shutil.which(p) else 'not found'}"
-                                        for p in PEERS))  # fmt: skip
-    print(f"{'scene':14} {'to':9} {'s':>6} {'cpu s':>6} {'MB':>5} {'seen':>6}  ", *MEASURES)
+    given = _arguments()
+    what, kinds = given.what.split(","), given.to.split(",")
     with tempfile.TemporaryDirectory() as temporary:
         root = given.keep or Path(temporary)
-        for scene in given.scenes.split(","):
-            for kind in given.to.split(","):
-                row(given.data / scene, root / f"{scene}-{kind}", kind, given.script)
+        scenes = [given.data / name for name in given.scenes.split(",")]
+        if "scenes" in what:
+            compare(scenes, root, given)
+        if "limit" in what:
+            color_scale.limits(scenes, root, kinds)
+        if "scale" in what:
+            color_scale.scale(given.data, root, kinds)
+    if "synthetic" in what:
+        color_synthetic.table(kinds, list(rounds()), [40_000, 160_000, 0])
 
 
-def row(data: Path, project: Path, kind: str, script: Path | None) -> None:
-    """Run one scene and print its line of the table."""
-    make_project(data, project)
-    seconds, cpu, megabytes = timed_color(project, kind)
-    record = next((project / "work").rglob("color*.json"))
-    seen = json.loads(record.read_text())["quality"]["seen"]
-    line = f"{data.name:14} {kind:9} {seconds:6.1f} {cpu:6.1f} {megabytes:5.0f} {seen:6.3f}  "
-    if script is not None:
-        found = rephotographed(data, project / "out" / MODEL[kind], script)
-        line += " ".join(f"{found[name]:.3f}" for name in MEASURES)
-    print(line, flush=True)
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    default = os.environ.get("TEXPROJ_DATA") or CHECKOUT / "../shared/data"
+    parser.add_argument("--what", default="scenes,limit,synthetic")
+    parser.add_argument("--data", type=Path, default=Path(default))
+    parser.add_argument("--scenes", default=",".join(HELD_OUT))
+    parser.add_argument("--to", default="texture,patches,vertices")
+    parser.add_argument("--script", type=Path, help="the measuring script")
+    parser.add_argument("--python-open3d", help="an interpreter that has Open3D")
+    parser.add_argument("--keep", type=Path, help="folder in which the projects stay")
+    return parser.parse_args()
 
 
-def make_project(data: Path, project: Path) -> None:
-    """A project of the photos that are not held out, at the reference cameras."""
-    if project.exists():
-        shutil.rmtree(project)
-    (project / "mesh").mkdir(parents=True)
-    (project / "photos").mkdir()
-    shutil.copy(data / "mesh.ply", project / "mesh")
-    (project / "project.toml").touch()
-    cameras = json.loads((data / "cameras_reference.json").read_text())
-    held = HELD_OUT[data.name]
-    cameras["photos"] = [p for p in cameras["photos"] if Path(p["file"]).stem not in held]
-    (project / "cameras.json").write_text(json.dumps(cameras))
-    for photo in cameras["photos"]:
-        (project / "photos" / photo["file"]).symlink_to((data / "photos" / photo["file"]).resolve())
+def compare(scenes: list[Path], root: Path, given: argparse.Namespace) -> None:
+    """Print the table of fidelity, one row per program."""
+    print(missing())
+    measures = "".join(f"{name:>7}" for name in MEASURES.values())
+    print(
+        f"{'scene':14} {'program':18} {'s':>7} {'cpu s':>7} {'MB':>6}{'seen':>7}{measures}  seams"
+    )
+    open3d = open3d_python(given.python_open3d)
+    for data in scenes:
+        project = root / data.name
+        make_project(data, project)
+        for kind in sorted(given.to.split(","), key=lambda kind: kind == "texture"):
+            run, model = color(project, kind), project / "out" / MODEL[kind]
+            row(data, f"texproj {kind}", run, model, given.script)
+            print(_seams(project, kind), flush=True)
+        for peer in peers(project, root / f"{data.name}-peers", open3d):
+            row(data, peer.name, peer.run, peer.model, given.script)
+            print(f"  {peer.run.failure}", flush=True)
 
 
-def timed_color(project: Path, kind: str) -> tuple[float, float, float]:
-    """Seconds, processor seconds and peak megabytes of the whole command."""
-    command = [sys.executable, "-m", "texproj", "color", str(project), "--to", kind]
-    start = time.monotonic()
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, cwd=CHECKOUT)
-    _, status, used = os.wait4(process.pid, 0)
-    seconds = time.monotonic() - start
-    if status:
-        raise SystemExit(f"{' '.join(command)} failed")
-    return seconds, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
+def row(data: Path, name: str, run: Run, model: Path | None, script: Path | None) -> None:
+    """Print a line up to its seams."""
+    line = f"{data.name:14} {name:18} {run}"
+    if script is not None and model is not None:
+        found = compared(data, model, script)
+        line += "".join(f"{found[name]:7.3f}" for name in ("seen", *MEASURES))
+    print(line, end="")
 
 
-def rephotographed(data: Path, model: Path, script: Path) -> dict[str, float]:
-    """The script's means over the held-out photos, all seen pixels, affine."""
-    out = model.with_suffix(".rephoto.json")
-    command = [sys.executable, script, model, data / "cameras_reference.json", "--photos",
-               data / "photos", "--held-out", ",".join(HELD_OUT[data.name]),
-               "--reference-mesh", data / "mesh.ply", "--out", out]  # fmt: skip
-    if (data / "eval_masks").is_dir():
-        command += ["--masks", data / "eval_masks"]
-    subprocess.run([str(part) for part in command], check=True, stdout=subprocess.DEVNULL)
-    return json.loads(out.read_text())["mean"]["within_seen"]["affine"]
+def _seams(project: Path, kind: str) -> str:
+    if kind == "vertices":
+        return ""
+    seams = project_seams(project)
+    return f"  {seams.ratio:.2f} ({seams.excess:.2f})"
 
 
 if __name__ == "__main__":
