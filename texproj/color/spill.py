@@ -57,10 +57,8 @@ class Spill:
     def add(self, photo: int, chunk: int, samples: Samples) -> None:
         """Keep what `photo` says about `chunk`."""
         bits = np.packbits(samples.seen)
-        parts = [bits.tobytes(), samples.packed.data.cast("B")]
-        if samples.around is not None:
-            parts.append(samples.around.data.cast("B"))
-        start = self._scratch.append(*parts)
+        around = b"" if samples.around is None else samples.around.tobytes()
+        start = self._scratch.append(bits.tobytes(), samples.packed.data.cast("B"), around)
         record = _Record(photo, start, len(samples.packed), samples.around is not None)
         with self._lock:
             self._records[chunk].append(record)
@@ -76,7 +74,7 @@ class Spill:
             values, ratio = self._load(record, self.sizes[chunk])
             np.multiply(values.T[:3], np.float32(1 / WHITE), out=rgb[row])
             np.multiply(values.T[3], np.float32(1 / WEIGHT_ONE), out=weight[row])
-            if around is not None:
+            if around is not None and ratio is not None:
                 np.multiply(ratio, np.float32(1 / AROUND_ONE), out=around[row])
         return Stack(photos, rgb, weight, around)
 
