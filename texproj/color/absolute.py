@@ -10,6 +10,7 @@ import numpy as np
 
 from texproj.color.chart import Doubles
 from texproj.color.checker import XYZ_OF_SRGB, Checker
+from texproj.color.corrections import Correction
 from texproj.color.photometry import Photometry
 from texproj.color.points import Floats
 from texproj.color.survey import Survey
@@ -35,17 +36,19 @@ def absolute_matrix(
     """(3, 3) blended linear light to absolute linear sRGB, None without a chart; and figures for
     the report.
 
-    The blend is in the unit of the photos times their gains. The chart ties it to absolute light
-    through its own photo's gain if that is one of the model's; else through photos of the same
-    camera, by EXIF exposure; else it sets the hues alone and leaves the exposure.
+    The blend is in the unit of the photos times their corrections. The chart ties it to absolute
+    light through its own photo's gain if that is one of the model's; else through photos of the
+    same camera, by EXIF exposure; else it sets the hues alone and leaves the exposure.
     """
     checker = options.found if isinstance(options, CheckedOptions) else None
     if checker is None:
         return None, {}
     gain = np.log(light.gains.factor.astype(np.float64))
     if checker.index is not None:
-        log_factor, tie = -gain[checker.index], "the chart's photo is one of the model's"
-        matrix = checker.matrix * np.exp(log_factor)
+        factor = light.gains.factor[checker.index] * light_at(
+            light.corrections[checker.index], checker.place
+        )
+        matrix, tie = checker.matrix / factor, "the chart's photo is one of the model's"
     elif (stops := _stops(checker.info, survey)) is not None:
         log_factor = np.nanmean(stops[:, None] * np.log(2) - gain, axis=0)
         tie = f"EXIF exposure, {np.isfinite(stops).sum()} photos of the same camera"
@@ -54,6 +57,15 @@ def absolute_matrix(
         tie = "none: hues alone, the exposure is that of the photos"
         matrix = checker.matrix / (XYZ_OF_SRGB[1] @ checker.matrix).sum()
     return matrix.astype(np.float32), {"checker": checker.quality | {"exposure": tie}}
+
+
+def light_at(correction: Correction, place: tuple[float, float]) -> float:
+    """The factor against vignetting at a place of the photo, 0..1 from its top-left corner."""
+    if correction.light is None:
+        return 1.0
+    height, width = correction.light.shape
+    row, column = int(place[1] * height), int(place[0] * width)
+    return float(correction.light[min(row, height - 1), min(column, width - 1)])
 
 
 def _stops(chart: PhotoInfo, survey: Survey) -> Doubles | None:

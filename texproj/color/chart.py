@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -44,16 +44,18 @@ class Patches:
     """What the 24 patches measure, row by row from dark skin to black.
 
     rgb: (24, 3) linear light of the photo; noise: (24,) standard deviation of a patch's pixels over
-    their mean; xy: (24, 2) places on the chart, -1..1, x right, y down.
+    their mean; xy: (24, 2) places on the chart, -1..1, x right, y down; middle: of the chart in the
+    photo, 0..1 from its top-left corner.
     """
 
     rgb: Doubles
     noise: Doubles
     xy: Doubles
+    middle: tuple[float, float] = (0.5, 0.5)
 
     def turned(self) -> Patches:
         """The same with the chart upside down."""
-        return Patches(self.rgb[::-1].copy(), self.noise[::-1].copy(), self.xy)
+        return replace(self, rgb=self.rgb[::-1].copy(), noise=self.noise[::-1].copy())
 
 
 def measure_chart(photo: Photo) -> Patches:
@@ -73,7 +75,9 @@ def measure_chart(photo: Photo) -> Patches:
     rgb = np.array([_trimmed_mean(values) for values in pixels])
     noise = np.array([values.mean(axis=1).std() / values.mean() for values in pixels])
     column, row = np.meshgrid(np.linspace(-1, 1, COLUMNS), np.linspace(-1, 1, ROWS))
-    return Patches(rgb, noise, np.stack([column.ravel(), row.ravel()], axis=1))
+    x, y = corners.mean(axis=(0, 1)) / (photo.width, photo.height)
+    xy = np.stack([column.ravel(), row.ravel()], axis=1)
+    return Patches(rgb, noise, xy, (float(x), float(y)))
 
 
 def _corners(photo: Photo) -> Doubles:

@@ -56,7 +56,8 @@ class Checker:
     matrix: (3, 3) linear light of that photo to absolute linear sRGB, 1 = perfect white; info: the
     photo's header; before, after: (24,) CIEDE2000 of the patches; left_out: (24,) of each patch
     when the others alone are fitted; falloff: brightest over darkest light on the chart;
-    index: number of the camera whose photo it is, None if it is none of the model's.
+    index: number of the camera whose photo it is, None if it is none of the model's; place: of
+    the chart in that photo, 0..1 from its top-left corner.
     """
 
     matrix: Doubles
@@ -66,6 +67,7 @@ class Checker:
     left_out: Doubles
     falloff: float
     index: int | None = None
+    place: tuple[float, float] = (0.5, 0.5)
 
     @property
     def quality(self) -> dict[str, Any]:
@@ -98,7 +100,9 @@ def read_checker(photo: Photo, index: int | None = None) -> Checker:
     light = np.exp(patches.xy @ slope)
     left_out = _left_out(patches)
     falloff = float(light.max() / light.min())
-    return Checker(matrix, photo.info, before, after, left_out, falloff, index)
+    return Checker(
+        matrix, photo.info, before, after, left_out, falloff, index, patches.middle
+    )  # fmt: skip
 
 
 def p95(values: Doubles) -> float:
