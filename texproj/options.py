@@ -84,8 +84,9 @@ class ColorOptions:
     gains: bool = True
     """Correct each photo's exposure and white balance by what the others show there."""
 
-    vignetting: bool = True
-    """Correct the light that a lens loses towards the corners, where the photos tell it surely."""
+    vignetting: Literal["auto", "on", "off"] = "auto"
+    """Correct the light that a lens loses towards the corners. "on": wherever the photos tell it
+    surely; "auto": where they also agree visibly better with each other then."""
 
     blend: Literal["multi-band", "robust", "mean", "best"] = "multi-band"
     """How the photos of a point become one color. "robust": the average of those that agree;

@@ -8,6 +8,7 @@ weights and gauge are ours.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,9 @@ POWERS = 3
 
 ROUNDS = 12
 
+PARTS = 8
+"""Groups of photos, and parts of the surface, that are left out in turn to see what changes."""
+
 SYSTEMATIC = 0.03
 """Log gain that a usual photo's whole overlap may be wrong by, however many points it has: what
 changes with the view, and what is not registered well, is common to many points."""
@@ -26,7 +30,7 @@ changes with the view, and what is not registered well, is common to many points
 COMMON = 0.01
 """The same for one channel against the others."""
 
-ANY_GAIN, ANY_TINT, ANY_FALLOFF = 1.5, 0.5, 0.5
+ANY_GAIN, ANY_TINT, ANY_FALLOFF = 1.5, 0.5, 2.0
 """Standard deviations, in log light, of gains, of channels against each other, and of a lens's
 coefficients before anything is seen."""
 
@@ -39,16 +43,17 @@ class LightFit:
     """What the photos say about light.
 
     log_gain: (p, 3) that makes the photos agree; log_light: (L, POWERS) coefficients of the light
-    of each lens, a polynomial in the squared radius without a constant; covariance: (p + POWERS L,
-    same) of the mean log gains and then of the lenses; residual: (m,) mean absolute log difference
-    of each observation to its point; exposure_off: (p,) log gain against what EXIF says, NaN where
-    it says nothing.
+    of each lens, a polynomial in the squared radius without a constant; scatter: (L, POWERS,
+    POWERS) covariance of these; residual, weight: (m,) mean absolute log difference of each
+    observation to its point, and its robust weight; exposure_off: (p,) log gain against what EXIF
+    says, NaN where it says nothing.
     """
 
     log_gain: Doubles
     log_light: Doubles
-    covariance: Doubles
+    scatter: Doubles
     residual: Doubles
+    weight: Doubles
     exposure_off: Doubles
 
 
@@ -61,43 +66,66 @@ class _Equations:
 
     seen: Overlaps
     lens: NDArray[np.intp]
-    lenses: int
 
-    def powers(self) -> Doubles:
-        """(m, POWERS) powers of the squared radius; 0 for lenses without falloff."""
-        squared = self.seen.squared_radius * (self.lens[self.seen.photo] >= 0)
-        return np.stack([squared ** (k + 1) for k in range(POWERS)], axis=1)
+    @cached_property
+    def point(self) -> NDArray[np.intp]:
+        """(m,) the point that is seen."""
+        return self.seen.point
+
+    @cached_property
+    def columns(self) -> Doubles:
+        """(m, POWERS L) derivative of the left side by the coefficients of the lenses."""
+        squared, lens = self.seen.squared_radius, self.lens[self.seen.photo]
+        powers = squared[:, None] ** np.arange(1, POWERS + 1)
+        return np.concatenate(
+            [np.zeros((len(powers), 0)), *(-powers * (lens == n)[:, None] for n in self.numbers)],
+            axis=1,
+        )
+
+    @cached_property
+    def numbers(self) -> range:
+        """The lenses."""
+        return range(int(self.lens.max(initial=-1)) + 1)
 
     def system(self, weight: Doubles) -> tuple[Doubles, Doubles]:
         """Normal matrix (K, K) and right side (K, 3), points eliminated; K = p + POWERS L."""
-        seen, powers = self.seen, self.powers()
-        dense = np.zeros((len(seen.start), seen.photos + POWERS * self.lenses))
-        normal = np.zeros((dense.shape[1],) * 2)
-        point, w = seen.point, weight[:, None]
-        dense[point, seen.photo] = weight
-        normal[: seen.photos, : seen.photos] = np.diag(seen.of_photos(w)[:, 0])
-        norm = np.maximum(seen.of_points(weight), 1e-12)
-        away = w * (seen.of_points(w * seen.log_rgb)[point] / norm[point, None] - seen.log_rgb)
-        right = np.zeros((dense.shape[1], 3))
-        right[: seen.photos] = seen.of_photos(away)
-        for lens in range(self.lenses):
-            at = slice(seen.photos + POWERS * lens, seen.photos + POWERS * (lens + 1))
-            mine = -powers * (self.lens[seen.photo] == lens)[:, None]
-            dense[:, at] = seen.of_points(w * mine)
-            normal[: seen.photos, at] = seen.of_photos(w * mine)
-            normal[at, : seen.photos] = normal[: seen.photos, at].T
-            normal[at, at] = mine.T @ (w * mine)
-            right[at] = mine.T @ away
-        normal -= dense.T @ (dense / norm[:, None])
-        return normal, right
+        seen, point, p, w = self.seen, self.point, self.seen.photos, weight[:, None]
+        norm = np.maximum(seen.of_points(weight), 1e-12)[:, None]
+        away = w * ((seen.of_points(w * seen.log_rgb) / norm)[point] - seen.log_rgb)
+        bent = w * self.columns
+        together = np.zeros((len(norm), p + bent.shape[1]))
+        together[point, seen.photo] = weight
+        together[:, p:] = seen.of_points(bent)
+        normal = together.T @ (together / -norm)
+        normal[range(p), range(p)] += seen.of_photos(w)[:, 0]
+        both = seen.of_photos(bent)
+        normal[:p, p:] += both
+        normal[p:, :p] += both.T
+        normal[p:, p:] += self.columns.T @ bent
+        return normal, np.concatenate([seen.of_photos(away), self.columns.T @ away])
 
     def corrected(self, log_gain: Doubles, log_light: Doubles) -> Doubles:
         """(m, 3) log colors with gains and lenses taken into account."""
-        seen = self.seen
-        out = seen.log_rgb + log_gain[seen.photo]
-        if self.lenses:
-            out -= (self.powers() * log_light[self.lens[seen.photo]]).sum(axis=1)[:, None]
-        return out
+        falloff = self.columns @ log_light.ravel()
+        return self.seen.log_rgb + log_gain[self.seen.photo] + falloff[:, None]
+
+    def level(self, log_gain: Doubles, log_light: Doubles, known: NDArray[np.bool_]) -> Doubles:
+        """(3,) mean log correction, over the photos that overlap or are `known`, of what they
+        show of the surface.
+        """
+        count = self.seen.count
+        falloff = self.seen.of_photos((self.columns @ log_light.ravel())[:, None])
+        level = log_gain + falloff / np.maximum(count, 1)[:, None]
+        used = known | (count > 0)
+        return level[used].mean(axis=0) if used.any() else np.zeros(3)
+
+    def residual(self, log_gain: Doubles, log_light: Doubles, weight: Doubles) -> Doubles:
+        """(m,) mean absolute difference to the weighted mean of the point."""
+        corrected, seen = self.corrected(log_gain, log_light), self.seen
+        norm = np.maximum(seen.of_points(weight), 1e-12)[:, None]
+        center = seen.of_points(weight[:, None] * corrected) / norm
+        away: Doubles = np.abs(corrected - center[self.point]).mean(axis=1)
+        return away
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,49 +182,58 @@ def solve_light(seen: Overlaps, lens: NDArray[np.intp], log_exposure: Doubles) -
 
     The log color of each point is eliminated. EXIF is believed as far as it goes along with the
     overlaps (Cauchy loss against its own median error), and decides where there are none. Gauge:
-    mean log gain 0, each channel, over the photos of which anything is known; light 1 on the axis
-    of the lens.
+    the light of a lens is 1 on its axis, and the corrections of what the photos show, gains and
+    lenses together, are 1 in the geometric mean of all photos, each channel: the colors are as
+    bright as the photos are on the average.
     """
-    p, lenses = seen.photos, int(lens.max(initial=-1)) + 1
-    equations = _Equations(seen, lens, lenses)
+    equations, p = _Equations(seen, lens), seen.photos
     priors = _Priors(log_exposure, np.full(p, EXIF_SIGMA))
     weight, residual, noise = np.ones(len(seen.photo)), np.zeros(len(seen.photo)), 0.0
     for _ in range(ROUNDS):
-        solution, covariance = _solved(equations, weight, noise, priors)
-        log_gain, log_light = solution[:p], solution[p:, 0].reshape(lenses, POWERS)
+        solution = _solved(equations, weight, noise, priors)
+        log_gain, log_light = solution[:p], solution[p:, 0].reshape(-1, POWERS)
         priors = priors.doubted(log_gain.mean(axis=1), seen.count > 0)
         if len(weight):
-            residual = _residual(seen, equations.corrected(log_gain, log_light), weight)
+            residual = equations.residual(log_gain, log_light, weight)
             noise = float(np.median(residual))
             weight = 1 / (1 + (residual / max(2 * noise, 1e-3)) ** 2)
+    scatter = _scatter(equations, weight, noise, priors)
     off = priors.off(log_gain.mean(axis=1))
-    known = (seen.count > 0) | np.isfinite(log_exposure)
-    log_gain = log_gain - (log_gain[known].mean(axis=0) if known.any() else 0)
-    return LightFit(log_gain, log_light, covariance, residual, off)
+    log_gain = log_gain - equations.level(log_gain, log_light, np.isfinite(log_exposure))
+    return LightFit(log_gain, log_light, scatter, residual, weight, off)
 
 
-def _solved(
-    equations: _Equations, weight: Doubles, noise: float, priors: _Priors
-) -> tuple[Doubles, Doubles]:
-    """(K, 3) unknowns, the lenses' equal in all channels, and (K, K) covariance of their mean."""
+def _solved(equations: _Equations, weight: Doubles, noise: float, priors: _Priors) -> Doubles:
+    """(K, 3) unknowns, the lenses' equal in all channels."""
     p = equations.seen.photos
     normal, right = equations.system(weight)
     expected, toward = priors.system(len(normal))
-    points = equations.seen.of_photos(weight[:, None])[:, 0]
-    usual = float(np.median(points[points > 0])) if len(weight) else 1.0
+    points = np.diag(normal)[:p]
+    usual = float(np.median(points[points > 0])) if (points > 0).any() else 1.0
     one = 1 / max(usual * SYSTEMATIC**2, (1.48 * noise) ** 2)
-    covariance: Doubles = np.linalg.inv(one * normal + expected).astype(np.float64)
-    mean = covariance @ (one * right.mean(axis=1) + toward)
+    out = np.zeros((len(normal), 3))
+    out += np.linalg.solve(one * normal + expected, one * right.mean(axis=1) + toward)[:, None]
     one = 1 / max(usual * COMMON**2, (1.48 * noise) ** 2)
-    tint = np.zeros((len(normal), 3))
-    tinted = right[:p] - right[:p].mean(axis=1, keepdims=True)
-    tint[:p] = np.linalg.solve(one * normal[:p, :p] + ANY_TINT**-2 * np.eye(p), one * tinted)
-    return mean[:, None] + tint, covariance
+    tinted = one * (right[:p] - right[:p].mean(axis=1, keepdims=True))
+    out[:p] += np.linalg.solve(one * normal[:p, :p] + ANY_TINT**-2 * np.eye(p), tinted)
+    return out
 
 
-def _residual(seen: Overlaps, corrected: Doubles, weight: Doubles) -> Doubles:
-    """(m,) mean absolute difference to the weighted mean of the point."""
-    norm = np.maximum(seen.of_points(weight), 1e-12)[:, None]
-    center = seen.of_points(weight[:, None] * corrected) / norm
-    away: Doubles = np.abs(corrected - center[seen.point]).mean(axis=1)
-    return away
+def _scatter(equations: _Equations, weight: Doubles, noise: float, priors: _Priors) -> Doubles:
+    """(L, POWERS, POWERS) covariance of the lenses' coefficients by the jackknife (Efron and
+    Tibshirani 1993, chapter 11): what leaving out photos changes, plus what leaving out parts of
+    the surface changes. Residuals are far from independent, so that their scatter says little.
+    """
+    seen, lenses = equations.seen, len(equations.numbers)
+    total = np.zeros((lenses, POWERS, POWERS))
+    if not lenses:
+        return total
+    for group in (seen.photo % PARTS, equations.point * PARTS // len(seen.start)):
+        parts = [
+            _solved(equations, weight * (group != part), noise, priors)[seen.photos :, 0]
+            for part in range(min(PARTS, int(group.max()) + 1))
+        ]
+        away = np.reshape(parts, (-1, lenses, POWERS))
+        away = away - away.mean(axis=0)
+        total += np.einsum("glk,glm->lkm", away, away) * (len(parts) - 1) / len(parts)
+    return total

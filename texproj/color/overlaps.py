@@ -16,9 +16,9 @@ DARKEST, BRIGHTEST = 0.003, 0.92
 SURE_WEIGHT = 0.02
 """Samples with less weight (borders, silhouettes, glancing views) tell nothing of the exposure."""
 
-ENOUGH = 60_000
-"""Observations from which on more points would not make the corrections any surer: what is left
-is not noise, but what is common to many points."""
+ENOUGH, ENOUGH_EACH = 20_000, 500
+"""Observations, in all and per photo, from which on more points would not make the corrections any
+surer: what is left is not noise, but what is common to many points."""
 
 Doubles = NDArray[np.float64]
 
@@ -50,8 +50,10 @@ class Overlaps:
 
     def of_photos(self, values: Doubles) -> Doubles:
         """(p, k) sums of (m, k) values."""
-        columns = [np.bincount(self.photo, column, self.photos) for column in values.T]
-        return np.stack(columns, axis=1).astype(np.float64)
+        out = np.zeros((self.photos, values.shape[1]))
+        for column, sums in zip(values.T, out.T, strict=True):
+            sums[:] = np.bincount(self.photo, column, self.photos)
+        return out
 
     def of_points(self, values: Doubles) -> Doubles:
         """(n, ...) sums of (m, ...) values."""
@@ -65,7 +67,7 @@ def overlaps(survey: Survey) -> Overlaps:
     sound &= survey.weight > SURE_WEIGHT
     seen_by = np.bincount(survey.point[sound], minlength=survey.points)
     shared = np.flatnonzero(sound & (seen_by[survey.point] > 1))
-    step = -(-len(shared) // ENOUGH)
+    step = -(-len(shared) // max(ENOUGH, ENOUGH_EACH * len(survey.shots)))
     shared = shared[_number_of(seen_by > 1)[survey.point[shared]] % max(step, 1) == 0]
     shared = shared[np.argsort(survey.point[shared], kind="stable")]
     point = survey.point[shared]

@@ -35,23 +35,36 @@ def solve_photometry(survey: Survey, options: ColorOptions) -> Photometry:
     if not options.gains:
         gains = no_gains(photos)
         return Photometry(tuple(map(Correction, gains.factor)), gains, (), np.full(photos, np.nan))
-    seen, exposure = overlaps(survey), log_exposure(survey)
-    lens = lenses_of(survey.shots)
-    fit = solve_light(seen, lens, exposure)
-    lights = lens_lights(seen, lens, fit)
-    believed = np.array([light.believed for light in lights], bool)
-    if not believed.all():
-        kept = np.where(believed, np.cumsum(believed) - 1, -1)
-        lens = np.where(lens >= 0, kept[lens], -1)
-        fit = solve_light(seen, lens, exposure)
+    seen = overlaps(survey)
+    fit, lights = _fitted(seen, survey, options)
     gains = _gains(seen, fit)
     corrections = [Correction(gain) for gain in gains.factor]
     for light in lights:
-        for photo in light.photos if light.believed else ():
+        for photo in light.photos if light.corrected else ():
             shot = survey.shots[photo]
             assert shot is not None
             corrections[photo] = Correction(gains.factor[photo], light_grid(light, shot.camera))
     return Photometry(tuple(corrections), gains, tuple(lights), fit.exposure_off / np.log(2))
+
+
+def _fitted(
+    seen: Overlaps, survey: Survey, options: ColorOptions
+) -> tuple[LightFit, list[LensLight]]:
+    """The light of the photos, and of each lens that was looked at."""
+    exposure, none = log_exposure(survey), np.full(len(survey.shots), -1)
+    straight = solve_light(seen, none, exposure)
+    lens = none if options.vignetting == "off" else lenses_of(survey.shots)
+    if lens.max(initial=-1) < 0:
+        return straight, []
+    bent = solve_light(seen, lens, exposure)
+    lights = lens_lights(seen, lens, bent, straight, options.vignetting == "auto")
+    corrected = np.array([light.corrected for light in lights])
+    if not corrected.any():
+        return straight, lights
+    if corrected.all():
+        return bent, lights
+    kept = np.where(corrected, np.cumsum(corrected) - 1, -1)
+    return solve_light(seen, np.where(lens >= 0, kept[lens], -1), exposure), lights
 
 
 def log_exposure(survey: Survey) -> Doubles:

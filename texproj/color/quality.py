@@ -36,7 +36,9 @@ def per_photo(
 
     gain: factor on each channel of linear light; disagreement: median absolute log difference to
     the other photos after correction; sharpness: contrast of fine detail against the other photos',
-    1 = as sharp as they, None = unknown; share: part of the surface's color that comes from it.
+    1 = as sharp as they, None = unknown; exposure_off: stops by which the photo is darker than its
+    EXIF says, against the others, None = unknown; share: part of the surface's color that comes
+    from it.
     """
     part, gains = share / max(float(share.sum()), 1e-12), light.gains
     return [
@@ -44,7 +46,31 @@ def per_photo(
             "gain": [float(g) for g in gain],
             "disagreement": float(spread),
             "sharpness": None if sharp.lack is None else float(np.exp(sharp.lack / 2)),
+            "exposure_off": float(off) if np.isfinite(off) else None,
             "share": float(used),
         }
-        for gain, spread, sharp, used in zip(gains.factor, gains.spread, focus, part, strict=True)
+        for gain, spread, off, sharp, used in zip(
+            gains.factor, gains.spread, light.exposure_off, focus, part, strict=True
+        )
+    ]
+
+
+def per_lens(light: Photometry) -> list[dict[str, Any]]:
+    """One entry per lens that at least three photos share.
+
+    photos: their numbers; light_at_corners: factor on the light at radius `reach` (half diagonals),
+    the furthest that is seen on shared surface; sigma: standard deviation of its logarithm;
+    disagreement_left: part of the photos' disagreement that is left when it is corrected;
+    corrected: whether it was.
+    """
+    return [
+        {
+            "photos": lens.photos.tolist(),
+            "light_at_corners": lens.corner,
+            "reach": lens.reach,
+            "sigma": lens.sigma,
+            "disagreement_left": lens.left,
+            "corrected": lens.corrected,
+        }
+        for lens in light.lenses
     ]

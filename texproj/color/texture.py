@@ -25,7 +25,7 @@ from texproj.color.pages import fill_page
 from texproj.color.photometry import Photometry, solve_photometry
 from texproj.color.points import Floats
 from texproj.color.project import LoadPhoto, Progress, project_views, views_ahead
-from texproj.color.quality import coverage, per_photo
+from texproj.color.quality import coverage, per_lens, per_photo
 from texproj.color.result import Texture
 from texproj.color.scratch import Scratch
 from texproj.color.spill import Spill
@@ -80,7 +80,7 @@ def color_texture(
         for number, page in enumerate(pages):
             fill_page(page, points.inside(number, page.shape))
     quality = coverage(counts, sum(points.sizes)) | {"photos": per_photo(light, focus, share)}
-    quality |= checker
+    quality |= checker | {"lenses": per_lens(light)}
     return Texture(atlas, tuple(pages), tuple(counts), quality)
 
 

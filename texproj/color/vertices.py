@@ -17,7 +17,7 @@ from texproj.color.focus import distrusting, solve_focus
 from texproj.color.photometry import solve_photometry
 from texproj.color.points import VertexPoints
 from texproj.color.project import LoadPhoto, Progress, project_photos
-from texproj.color.quality import coverage, per_photo
+from texproj.color.quality import coverage, per_lens, per_photo
 from texproj.color.result import VertexColors
 from texproj.color.scratch import Scratch
 from texproj.color.threads import opencv_in_one_thread
@@ -61,5 +61,5 @@ def color_vertices(
             count[part] = result.photo_count
             share[stack.photos] += result.share
     quality = coverage([count], len(count)) | {"photos": per_photo(light, focus, share)}
-    quality |= checker
+    quality |= checker | {"lenses": per_lens(light)}
     return VertexColors(fill_vertices(mesh, rgb, weight > 0), weight, count, quality)
