@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.camera import Camera
+from texproj.color.corrections import corrected, grids_of
 from texproj.color.gains import Gains
+from texproj.color.photometry import Photometry
 from texproj.color.points import CHUNK, Chunk, Floats, Owners
 from texproj.color.sight import facing, resolution
 from texproj.color.spill import Spill, Stack
@@ -101,7 +103,7 @@ def face_views(
     points: FacePoints,
     cameras: Sequence[Camera],
     spill: Spill,
-    gains: Gains,
+    light: Photometry,
     options: ColorOptions,
     patch: PatchOptions,
 ) -> FaceViews:
@@ -115,8 +117,9 @@ def face_views(
         np.full((count, k), -1, np.int32),
         np.full((count, k), -1, np.int32),
     )
+    gains, grids = light.gains, grids_of(cameras, light.corrections)
     for number in range(len(spill.sizes)):
-        stack = spill.read(number)
+        stack = corrected(spill.read(number), points, number, grids)
         if len(stack.photos):
             rows = points.faces(number)
             quality, pixels = _quality(points, rows, [cameras[p] for p in stack.photos])

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from texproj.camera import Camera
 from texproj.color.absolute import absolute_matrix, in_absolute
 from texproj.color.atlas import Atlas
+from texproj.color.corrections import Correction, Grid, factors_at, grid_of
 from texproj.color.depths import Depths
 from texproj.color.gains import Gains
 from texproj.color.memory import return_freed_memory
@@ -27,7 +28,7 @@ from texproj.color.patch_charts import continued, patch_atlas
 from texproj.color.patch_labels import Labels, choose_photos, merge_islands
 from texproj.color.patch_seams import PatchBlend, PatchBlends
 from texproj.color.patch_views import FacePoints, FaceViews, face_views, survey_options
-from texproj.color.photometry import solve_photometry
+from texproj.color.photometry import Photometry, solve_photometry
 from texproj.color.points import Floats
 from texproj.color.prepare import view_of
 from texproj.color.project import LoadPhoto, Progress, project_views, views_ahead
@@ -87,13 +88,13 @@ def color_patches(
         light = solve_photometry(evidence, settings.color)
         absolute, checker = absolute_matrix(settings.color, evidence, light)
         gains = light.gains
-        views = face_views(points, cameras, spill, gains, settings.color, patch)
+        views = face_views(points, cameras, spill, light, settings.color, patch)
         graph = dual_graph(mesh)
         labels = _labels(mesh, views, graph, patch)
         blends = PatchBlends(mesh, labels, views, patch)
         atlas = patch_atlas(mesh, graph, cameras, labels, views.density, settings.unwrap)
         texels = TexelPoints.of(mesh, atlas, scratch, continued(mesh, atlas, graph))
-        pixels = _cut(texels, mesh, atlas, blends, gains, shots, steps)
+        pixels = _cut(texels, mesh, atlas, blends, light, shots, steps)
         del points, spill, views, blends, shots  # before the pages are made
         pages, counts = _bake(texels, atlas, pixels, absolute, settings.color)
         fill_unseen(mesh, atlas, texels, pages, counts)
@@ -146,7 +147,7 @@ def _cut(
     mesh: Mesh,
     atlas: Atlas,
     blends: PatchBlends,
-    gains: Gains,
+    light: Photometry,
     shots: _Shots,
     steps: _Steps,
 ) -> Spill:
@@ -168,8 +169,8 @@ def _cut(
                 texels.owners, view.camera, view.depth_camera, len(view.levels), shots.options
             )
             sight = replace(sight, weight=sight.weight * used)
-            root_gain = np.sqrt(gains.factor[blend.photo])
-            cutter = _Cutter(texels, view, sight, maps, row, blend.corners, root_gain)
+            correction = light.corrections[blend.photo]
+            cutter = _Cutter(texels, view, sight, maps, row, blend.corners, correction)
             wanted = [n for n, faces in enumerate(tiles) if used[faces].any()]
             in_parallel(partial(cutter.cut, blend.photo, pixels), wanted)
         del view, blend  # before the next ones are made
@@ -192,7 +193,7 @@ class _Cutter:
     """Takes the texels of a tile from one photo.
 
     maps: see `corner_maps`; row: (F,) int32 rows of `corners`: (m, 3, 4) weight and offset;
-    root_gain: (3,) square root of the photo's gain.
+    correction: the photo's gain and light.
     """
 
     texels: TexelPoints
@@ -201,7 +202,12 @@ class _Cutter:
     maps: Floats
     row: NDArray[np.int32]
     corners: Floats
-    root_gain: Floats
+    correction: Correction
+
+    @cached_property
+    def grid(self) -> Grid | None:
+        """The photo's light over the picture."""
+        return grid_of(self.view.camera, self.correction)
 
     def cut(self, photo: int, pixels: Spill, tile: int) -> None:
         chunk = self.texels.chunk(tile)
@@ -219,7 +225,10 @@ class _Cutter:
         if not used.any():
             return
         rgb = samples.packed[:, :3].astype(np.float32)
-        root = np.sqrt(rgb * np.float32(1 / WHITE)) * self.root_gain + values[:, 1:]
+        rgb *= self.correction.gain * np.float32(1 / WHITE)
+        if self.grid is not None:
+            rgb *= factors_at(chunk, self.texels.owners.origin, self.grid)[samples.seen, :1]
+        root = np.sqrt(rgb) + values[:, 1:]
         packed = np.empty_like(samples.packed)
         packed[:, :3] = np.clip(root * np.float32(WHITE), 0, 65535)
         packed[:, 3] = np.maximum(weight, 1)
