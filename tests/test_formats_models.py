@@ -443,7 +443,7 @@ def test_decimals_are_those_of_the_formatter(places):
     rng = np.random.default_rng(0)
     values = rng.normal(size=300) * 10.0 ** rng.integers(-8, 8, 300)
     values = np.concatenate([values, [0.0, 1.0, -1.0, 0.5, -0.25, 99999.0, 1e12]])
-    text = b"".join(lines([b"v ", decimals(values, places), b"\n"])).decode().splitlines()
+    text = lines([b"v ", decimals(values, places), b"\n"]).decode().splitlines()
     for line, value in zip(text, values, strict=True):
         assert float(line[2:]) == pytest.approx(value, abs=0.5000001 * 10**-places)
         assert len(line.split(".")[1]) == places
@@ -452,12 +452,12 @@ def test_decimals_are_those_of_the_formatter(places):
 
 def test_integers_have_no_leading_zeros():
     numbers = np.array([0, 1, 9, 10, 123, 9999, 10000, 1234567, 4294967296])
-    text = b"".join(lines([integers(numbers), b";"])).decode()
+    text = lines([integers(numbers), b";"]).decode()
     assert text == ";".join(map(str, numbers)) + ";"
 
 
 def test_numbers_too_large_for_digits_are_formatted():
-    text = b"".join(lines([decimals(np.array([1e300, 2.5]), 2), b"\n"])).decode()
+    text = lines([decimals(np.array([1e300, 2.5]), 2), b"\n"]).decode()
     assert [float(line) for line in text.splitlines()] == [1e300, 2.5]
 
 

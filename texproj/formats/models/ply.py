@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.formats.models.precision import single_is_enough
+
+ROWS = 1 << 16
+"""Rows that are put together at once: no second copy of a large mesh."""
 
 PLY_TYPES = {"u1": "uchar", "u2": "ushort", "f4": "float", "f8": "double"}
 
@@ -49,14 +53,17 @@ def write_ply(
     ]  # fmt: skip
     with path.open("wb") as file:
         file.write("\n".join(header).encode("ascii"))
-        file.write(_rows([(values, f"<{kind}") for values, kind in columns.values()]))
-        file.write(_rows([(np.full((len(faces), 1), 3), "u1"), (faces, "<i4")]))
+        file.writelines(_rows([(values, f"<{kind}") for values, kind in columns.values()]))
+        corners = np.broadcast_to(np.uint8(3), (len(faces), 1))
+        file.writelines(_rows([(corners, "u1"), (faces, "<i4")]))
 
 
-def _rows(blocks: list[tuple[NDArray[Any], str]]) -> bytes:
-    """Blocks of columns beside each other, row by row."""
+def _rows(blocks: list[tuple[NDArray[Any], str]]) -> Iterator[bytes]:
+    """Blocks of columns beside each other, row by row, a part of the rows at a time."""
     dtype = [(str(i), kind, values.shape[1]) for i, (values, kind) in enumerate(blocks)]
-    rows = np.empty((len(blocks[0][0]), 1), dtype)
-    for i, (values, _) in enumerate(blocks):
-        rows[str(i)] = values[:, None]
-    return rows.tobytes()
+    for start in range(0, len(blocks[0][0]), ROWS):
+        part = slice(start, start + ROWS)
+        rows = np.empty((len(blocks[0][0][part]), 1), dtype)
+        for i, (values, _) in enumerate(blocks):
+            rows[str(i)] = values[part, None]
+        yield rows.tobytes()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,6 @@ DIGITS_OF_BLOCK = DIGITS_OF_BLOCK.reshape(BLOCK, BLOCK_DIGITS)
 
 LARGEST = 1e18
 """What fits 64 bits, with some room."""
-
-ROWS = 1 << 14
-"""Lines that are put together at once: they fit the processor's cache."""
 
 
 def integers(numbers: NDArray[np.integer]) -> Text:
@@ -42,17 +39,14 @@ def decimals(values: NDArray[np.float64], places: int) -> Text:
     return out
 
 
-def lines(parts: Sequence[bytes | Text]) -> Iterator[bytes]:
+def lines(parts: Sequence[bytes | Text]) -> bytes:
     """One line per row: constant characters and columns of text beside each other."""
     columns = [np.frombuffer(p, np.uint8)[None] if isinstance(p, bytes) else p for p in parts]
     ends = np.cumsum([0, *(column.shape[1] for column in columns)])
-    count = max(len(column) for column in columns)
-    for start in range(0, count, ROWS):
-        stop = min(start + ROWS, count)
-        rows = np.empty((stop - start, ends[-1]), np.uint8)
-        for column, first, last in zip(columns, ends, ends[1:], strict=False):
-            rows[:, first:last] = column if len(column) == 1 else column[start:stop]
-        yield rows[rows != 0].tobytes()
+    rows = np.empty((max(len(column) for column in columns), ends[-1]), np.uint8)
+    for column, first, last in zip(columns, ends, ends[1:], strict=False):
+        rows[:, first:last] = column
+    return rows[rows != 0].tobytes()
 
 
 def _digits(numbers: NDArray[np.int64], least: int) -> Text:
