@@ -94,7 +94,7 @@ class Errors:
 @lru_cache(maxsize=4)
 def true_points(faces: int, count: int = 30_000) -> TruePoints:
     """Random points, evenly over the scan of so many faces."""
-    data, scene = made(NO_DEFECTS, faces)
+    data, scene = made(Defects(), faces)
     rng = np.random.default_rng(5)
     mesh, area = data.mesh, face_areas(data.mesh)
     face = rng.choice(len(area), count, p=area / area.sum())
@@ -121,7 +121,7 @@ def true_views(unused: bool, samples: int = 5, count: int = 4) -> tuple[TrueView
 
     samples: rays per pixel along a side; count: most pictures.
     """
-    data, scene = made(NO_DEFECTS)
+    data, scene = made(Defects())
     cameras = data.cameras[::2]
     if unused:
         size = data.photos[0].width
