@@ -240,7 +240,7 @@ def test_only_photos_that_show_a_face_are_chosen():
         views.outlier,
     )  # fmt: skip
     graph = dual_graph(mesh)
-    labels = choose_photos(mesh, views, graph, 3.0)
+    labels = choose_photos(mesh, views, graph, PatchOptions(seam_px=3.0))
     labels = merge_islands(labels, views, graph, np.full(len(labels), 12.0, np.float32), 40.0)
     assert ((labels < 0) == ~views.seen).all()
     assert (views.photo == labels[:, None])[views.seen].any(axis=1).all()

@@ -19,6 +19,7 @@ from texproj.color.patch_views import FaceViews
 from texproj.color.points import Floats
 from texproj.color.segmentation import DualGraph, connected
 from texproj.mesh import Mesh, face_areas
+from texproj.options import PatchOptions
 
 GROUPS_PX = (40.0, 13.0)
 """Sizes of the groups of faces, from coarse to fine, pixels of the best photo."""
@@ -37,6 +38,9 @@ LARGEST = 1 << 26
 
 FORBIDDEN = 3.0
 """Cost, in a group, of a face that the photo must not color: dearer than any that it may."""
+
+AGREEING, DISAGREEING = 0.5, 4.5
+"""Factors on what a seam costs, where the photos of a face agree and where they are far apart."""
 
 Labels = NDArray[np.int32]
 Ints = NDArray[np.int64]
@@ -156,19 +160,21 @@ class _Problem:
         return _cut(gain.astype(np.int64), i[both], j[both], (2 * weight - before)[both])
 
 
-def choose_photos(mesh: Mesh, views: FaceViews, graph: DualGraph, seam_px: float) -> Labels:
+def choose_photos(mesh: Mesh, views: FaceViews, graph: DualGraph, options: PatchOptions) -> Labels:
     """(F,) photo of each face, -1 where none shows it.
 
     The energy is, in pixels of the best photo, the sum of cost times area over the faces plus
     `seam_px` times the length of all seams: a seam is worth as much as a strip of that width at
-    cost 1.
+    cost 1; less where the photos agree, more where they do not.
     """
     labels = views.photo[:, 0].copy()
     if not views.seen.any():
         return labels
     area_px = (face_areas(mesh) * views.density.astype(np.float64) ** 2).astype(np.float32)
     real = views.seen[graph.pairs].all(axis=1)
-    seam = seam_px * graph.lengths * views.density[graph.pairs].mean(axis=1)
+    seam = options.seam_px * graph.lengths * views.density[graph.pairs].mean(axis=1)
+    apart = disagreement(views, options).clip(0, DISAGREEING - AGREEING)
+    seam *= AGREEING + apart[graph.pairs].mean(axis=1)
     faces = _Problem.of(views, area_px, graph.pairs[real], seam[real])
     for number, size in enumerate(GROUPS_PX):
         group = _grouped(mesh, views, graph, size)
@@ -180,6 +186,18 @@ def choose_photos(mesh: Mesh, views: FaceViews, graph: DualGraph, seam_px: float
         found = groups.expanded(start, free)[group]
         labels = np.where((views.photo == found[:, None]).any(axis=1), found, views.photo[:, 0])
     return faces.expanded(labels, faces.beside_seams(labels))
+
+
+def disagreement(views: FaceViews, options: PatchOptions) -> Floats:
+    """(F,) root mean square difference of a face's photos from what they agree on, in
+    `consensus_scale`; one that shows something else counts `outlier` of these.
+    """
+    known = np.count_nonzero(views.photo >= 0, axis=1)
+    outliers = np.count_nonzero(views.outlier >= 0, axis=1)
+    square = np.float32(options.outlier**2) * outliers.astype(np.float32)
+    for way in views.to_consensus.transpose(1, 0, 2):
+        square += np.einsum("fc,fc->f", way, way) / np.float32(3 * options.consensus_scale**2)
+    return np.sqrt(square / np.maximum(known + outliers, 1)).astype(np.float32)
 
 
 def _steps(energy: NDArray[np.floating]) -> Ints:

@@ -15,6 +15,7 @@ from texproj.color.photometry import Photometry
 from texproj.color.points import CHUNK, Chunk, Floats, Owners
 from texproj.color.sight import facing, resolution
 from texproj.color.spill import Spill, Stack
+from texproj.color.threads import in_parallel
 from texproj.mesh import Mesh, face_areas, face_normals
 from texproj.options import ColorOptions, PatchOptions
 
@@ -118,7 +119,8 @@ def face_views(
         np.full((count, k), -1, np.int32),
     )
     gains, grids = light.gains, grids_of(cameras, light.corrections)
-    for number in range(len(spill.sizes)):
+
+    def one(number: int) -> None:
         stack = corrected(spill.read(number), points, number, grids)
         if len(stack.photos):
             rows = points.faces(number)
@@ -129,6 +131,8 @@ def face_views(
             _keep_photos(out.glimpse[rows], stack, shown * quality * (out.photo[rows, 0] < 0))
             _keep_photos(out.outlier[rows], stack, outlier.astype(np.float32))
             out.density[rows] = np.where(shown > 0, pixels, 0).max(axis=0)
+
+    in_parallel(one, range(len(spill.sizes)))
     return out
 
 

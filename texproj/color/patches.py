@@ -137,7 +137,7 @@ class _Shots:
 
 def _labels(mesh: Mesh, views: FaceViews, graph: DualGraph, patch: PatchOptions) -> Labels:
     areas = face_areas(mesh)
-    labels = choose_photos(mesh, views, graph, patch.seam_px)
+    labels = choose_photos(mesh, views, graph, patch)
     area_px = (areas * views.density**2).astype(np.float32)
     return merge_islands(labels, views, graph, area_px, patch.smallest_px)
 
