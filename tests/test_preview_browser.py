@@ -283,6 +283,20 @@ def test_blink_and_escape(page):
     assert page.evaluate("texproj.viewport.photoCamera") is None
 
 
+def test_the_parts_of_a_weight_can_be_chosen(page):
+    """Another factor of the weight is fetched and shown; the hint tells what it is."""
+    page.locator('[data-layer="weights"]').click()
+    until(page, "texproj.look.layer === 'weights'")
+    settle(page)
+    whole = picture(page)
+    page.get_by_label("Factor").select_option("angle")
+    page.get_by_text("Turned towards the camera").wait_for()
+    settle(page)
+
+    assert page.get_by_label("Factor").input_value() == "angle"
+    assert np.abs(whole.astype(int) - picture(page)).mean() > 0.5
+
+
 def test_layers_are_computed_and_shown(page):
     """Coverage takes a job of the server; the legend says how many photos."""
     page.locator('[data-layer="coverage"]').click()

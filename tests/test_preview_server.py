@@ -158,6 +158,21 @@ def test_weights_of_a_photo_without_camera_are_refused(page):
     assert "0003.png is not registered" in answer.json()["error"]
 
 
+def test_a_weight_comes_apart_into_its_factors(page):
+    """Factors of a photo are 0 on the underside; without a mask nothing that is seen is masked."""
+    positions = unpacked(page.get("/api/mesh/full").content, "positions")
+    below = positions[:, 2] == positions[:, 2].min()
+    for factor in ("angle", "consistency"):
+        values = unpacked(page.get(f"/api/layers/{factor}?photo={PHOTO}").content, "values")
+
+        assert values[below].max() == 0
+        assert 0.3 < values.max() <= 1
+
+    masked = unpacked(page.get(f"/api/layers/mask?photo={PHOTO}").content, "values")
+    assert set(masked) == {0, 1}
+    assert page.get("/api/layers/angle?photo=0003.png").status_code == 422
+
+
 # --- picking
 
 

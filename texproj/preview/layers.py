@@ -48,6 +48,16 @@ def weights_layer(bench: Workbench, progress: Progress, name: str) -> Values:
     return weights_of(bench, name)
 
 
+def factor_layers(bench: Workbench, progress: Progress, name: str) -> dict[str, Values]:
+    """(V,) each factor of one photo by name, 0 where it does not see the vertex; without a mask
+    nothing is masked. Raises TexprojError.
+    """
+    from texproj.stages.inspecting import vertex_factors  # noqa: PLC0415 - slow to import
+
+    found = vertex_factors(bench, name, progress)
+    return {"mask": (found["weight"] > 0).astype(np.float32), **found}
+
+
 def registered_names(bench: Workbench) -> list[str]:
     """The photos that color uses."""
     entries = bench.project.load_cameras()

@@ -12,7 +12,7 @@ from starlette.exceptions import HTTPException
 
 from texproj.errors import UsageError
 from texproj.preview.jobs import Job
-from texproj.preview.layers import occlusion_layer, photo_layers, weights_layer
+from texproj.preview.layers import factor_layers, occlusion_layer, photo_layers, weights_layer
 from texproj.preview.picks import SavedPicks
 from texproj.preview.session import Session, stamp
 from texproj.project import Project
@@ -21,6 +21,12 @@ from texproj.stages.progress import Cancelled, Progress
 from texproj.stages.registering import register_photos
 
 LAYERS = ("ao", "coverage", "source", "weights")
+FACTORS = (
+    "angle", "density", "border", "silhouette", "mask", "exposure", "focus", "consistency",
+)  # fmt: skip
+"""What a photo's weight is made of; each is a layer too."""
+TOGETHER = (("coverage", "source"), FACTORS)
+"""Layers that one job makes."""
 
 
 def start(session: Session, kind: Any, photo: Any) -> Job:
@@ -72,23 +78,21 @@ def by_points(project: Project) -> Project:
 
 async def layer_values(session: Session, layer: str, photo: str) -> NDArray[np.float32]:
     """The per-vertex values of a layer; made as a job, kept while nothing changes."""
-    if layer not in LAYERS:
+    if layer not in LAYERS + FACTORS:
         raise HTTPException(404, "no such layer")
     project = session.project
-    if layer == "weights":
+    if layer == "weights" or layer in FACTORS:
         project.photo_path(photo)
-    many = layer in ("coverage", "source")
-    key = [layer != "ao" and stamp(project.cameras_path), session.surface.key, photo]
-    known = session.recall([layer, *key])
-    if known is not None:
-        return known
-    try:
-        made = await asyncio.wrap_future(_layer_job(session, layer, photo))
-    except Cancelled:
-        raise HTTPException(409, "stopped on request") from None
-    for name, values in (made if many else {layer: made}).items():
-        session.keep([name, *key], values)
-    return session.recall([layer, *key])
+    made_with = next((group for group in TOGETHER if layer in group), (layer,))
+    key = [made_with, layer != "ao" and stamp(project.cameras_path), session.surface.key, photo]
+    made = session.recall(key)
+    if made is None:
+        try:
+            made = await asyncio.wrap_future(_layer_job(session, layer, photo))
+        except Cancelled:
+            raise HTTPException(409, "stopped on request") from None
+        session.keep(key, made)
+    return made[layer] if isinstance(made, dict) else made  # type: ignore[no-any-return]
 
 
 def _layer_job(session: Session, layer: str, photo: str) -> Any:
@@ -97,6 +101,8 @@ def _layer_job(session: Session, layer: str, photo: str) -> Any:
             return occlusion_layer(bench, progress)
         if layer == "weights":
             return weights_layer(bench, progress, photo)
+        if layer in FACTORS:
+            return factor_layers(bench, progress, photo)
         return photo_layers(bench, progress)
 
     return session.start("layer", f"Layer: {layer}", run, photo)[1]

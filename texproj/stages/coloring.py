@@ -131,14 +131,14 @@ class Photos:
     """Loads photos by index; one that cannot be read is None and is noted in `failed`."""
 
     def __init__(self, project: Project, names: list[str], failed: dict[str, str]) -> None:
-        self._project, self._names, self._failed = project, names, failed
+        self._project, self._names, self.failed = project, names, failed
 
     def __call__(self, index: int) -> Photo | None:
         name = self._names[index]
         try:
             return self._project.load_photo(name)
         except InputError as error:
-            self._failed[name] = str(error)
+            self.failed[name] = str(error)
             return None
 
 

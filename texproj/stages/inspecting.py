@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -16,6 +16,7 @@ from texproj.color.density import texels_per_unit
 from texproj.color.depths import Depths
 from texproj.color.inspection import FACTORS, Inspection, photo_factors
 from texproj.color.pixels import PixelPoints
+from texproj.color.points import VertexPoints
 from texproj.color.scratch import Scratch
 from texproj.errors import InputError
 from texproj.files import staging
@@ -74,6 +75,25 @@ def inspect_project(
     return outcome
 
 
+def vertex_factors(
+    bench: Workbench, name: str, progress: Progress = silent
+) -> dict[str, NDArray[np.float32]]:
+    """(V,) factors of a photo at the vertices of the mesh by name, 0 where it does not see them.
+
+    Raises InputError if the photo is not registered.
+    """
+    cameras, failed = usable_cameras(bench.project)
+    if name not in cameras:
+        raise InputError(f"{name} is not registered, so it counts nowhere")
+    with closing(Scratch()) as scratch:
+        looker = _Looker(bench, cameras, Photos(bench.project, list(cameras), failed), scratch)
+
+        def tell(done: int, total: int) -> None:
+            progress(STAGE, done, total, "")
+
+        return looker.look_at_vertices(name, tell)
+
+
 class _Looker:
     """Looks at the factors of some photos, with what all of them need."""
 
@@ -102,6 +122,24 @@ class _Looker:
             }
             for number, factors in found.items()
         }
+
+    def look_at_vertices(self, name: str, tell: Tell) -> Images:
+        """(V,) factors of one photo; detail is compared as finely as for a texture."""
+        points, faces = VertexPoints.of(self._bench.mesh), self._bench.mesh.faces
+        if self._options.to != "vertices":
+            count = len(points.owners.center)
+            around = np.bincount(faces.ravel(), np.repeat(self._spacing, 3), count)
+            spacing = around / np.maximum(np.bincount(faces.ravel(), minlength=count), 1)
+            owners = replace(points.owners, spacing=spacing.astype(np.float32))
+            points = VertexPoints(owners)
+        job = Inspection(
+            points, self._cameras, self._photos, self._depths, self._options, self._scratch
+        )
+        number = self._names.index(name)
+        found = photo_factors(job, {number: range(len(points.sizes))}, tell).get(number)
+        if found is None:
+            raise InputError(self._photos.failed[name])
+        return {k: np.where(found["weight"] > 0, v, np.float32(0)) for k, v in found.items()}
 
 
 def _written(bench: Workbench, name: str, images: Images) -> Path:

@@ -20,7 +20,7 @@ export class App {
   facts: api.Facts | null = null;
   chosen: string | null = null;
   look: Look = {
-    layer: "shaded", exposure: 0, roughness: 0.55, light: [-0.35, 0.45], frustums: true, opacity: 1, wipe: 1,
+    layer: "shaded", factor: "weights", exposure: 0, roughness: 0.55, light: [-0.35, 0.45], frustums: true, opacity: 1, wipe: 1,
   };
   readonly picking = new PickMode(this);
   private readonly loader = new LayerLoader(this.viewport.surface);
@@ -109,25 +109,37 @@ export class App {
   }
 
   change(part: Partial<Look>): void {
-    const { layer, ...rest } = part;
+    const { layer, factor, ...rest } = part;
     Object.assign(this.look, rest);
     this.applyLook();
     if (layer && layer !== this.look.layer) void this.setLayer(layer);
+    if (factor && factor !== this.look.factor) void this.setFactor(factor);
   }
 
-  async setLayer(layer: Layer): Promise<void> {
-    if (!this.available().has(layer)) return;
+  /** Whether the layer could be shown. */
+  async setLayer(layer: Layer): Promise<boolean> {
+    if (!this.available().has(layer)) return false;
     const photo = this.chosen ?? this.viewable[0]?.name ?? null;
     if (layer === "weights" && !this.chosen) this.chosen = photo;
     try {
-      await this.loader.load(layer, this.facts!, photo);
+      await this.loader.load(layer, this.facts!, photo, this.look.factor);
     } catch (error) {
       this.complain(error);
-      return;
+      return false;
     }
     this.look.layer = layer;
     this.viewport.surface.setLayer(layer);
     this.applyLook();
+    this.show();
+    return true;
+  }
+
+  /** Another part of the photo's weight. */
+  private async setFactor(factor: string): Promise<void> {
+    const before = this.look.factor;
+    this.look.factor = factor;
+    if (await this.setLayer("weights")) return;
+    this.look.factor = before;
     this.show();
   }
 

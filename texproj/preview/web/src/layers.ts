@@ -19,12 +19,13 @@ export class LayerLoader {
     this.values = "";
   }
 
-  /** Bring in what `layer` needs. version: changes with the cameras; photo: for weights. */
-  async load(layer: Layer, facts: api.Facts, photo: string | null): Promise<void> {
+  /** Bring in what `layer` needs. photo, factor: whose weights, and what of them. */
+  async load(layer: Layer, facts: api.Facts, photo: string | null, factor: string): Promise<void> {
     if (layer === "color") await this.loadColors(facts.models["model.ply"]);
     else if (layer === "texture") await this.loadTexture(facts.models["model.glb"]);
-    else if (layer === "ao" || layer === "coverage" || layer === "source" || layer === "weights") {
-      await this.loadValues(layer, versionOf(facts), layer === "weights" ? photo : null);
+    else if (layer === "weights") await this.loadValues(factor, versionOf(facts), photo);
+    else if (layer === "ao" || layer === "coverage" || layer === "source") {
+      await this.loadValues(layer, versionOf(facts), null);
     }
   }
 
@@ -50,7 +51,7 @@ export class LayerLoader {
     if (pack) this.surface.setLightColors(pack.arrays.rgba as Uint8Array);
   }
 
-  private async loadValues(layer: Layer, version: string, photo: string | null): Promise<void> {
+  private async loadValues(layer: string, version: string, photo: string | null): Promise<void> {
     const key = `${layer} ${version} ${photo}`;
     if (this.values === key) return;
     const query = photo ? `?photo=${encodeURIComponent(photo)}` : "";

@@ -6,6 +6,7 @@ import type { Layer } from "./surface.ts";
 
 export interface Look {
   layer: Layer;
+  factor: string;
   exposure: number;
   roughness: number;
   light: [number, number];
@@ -23,6 +24,19 @@ export const LAYERS: { layer: Layer; name: string; what: string }[] = [
   { layer: "coverage", name: "Coverage", what: "How many photos see the surface" },
   { layer: "source", name: "Source", what: "Which photo counts most" },
   { layer: "weights", name: "Weights", what: "How much the chosen photo counts" },
+];
+
+/** What a photo's weight is made of; the first is all of it but what depends on other photos. */
+export const FACTORS: { factor: string; name: string; what: string }[] = [
+  { factor: "weights", name: "All", what: "How much the chosen photo counts, before it is compared with others" },
+  { factor: "angle", name: "Angle", what: "Turned towards the camera" },
+  { factor: "density", name: "Density", what: "Pixels on the surface" },
+  { factor: "border", name: "Border", what: "Away from the picture's edge" },
+  { factor: "silhouette", name: "Silhouette", what: "Away from depth discontinuities" },
+  { factor: "mask", name: "Mask", what: "Away from what is masked" },
+  { factor: "exposure", name: "Exposure", what: "Neither clipped nor black" },
+  { factor: "focus", name: "Focus", what: "As sharp as the other photos" },
+  { factor: "consistency", name: "Consistency", what: "As all photos agree" },
 ];
 
 export interface PanelActions {
@@ -53,12 +67,23 @@ function layerSection(look: Look, available: Set<Layer>, act: PanelActions): HTM
     button.disabled = !available.has(layer);
     return button;
   });
-  const what = LAYERS.find((entry) => entry.layer === look.layer)!.what;
+  const factor = FACTORS.find((entry) => entry.factor === look.factor)!;
+  const weights = look.layer === "weights";
+  const what = weights ? factor.what : LAYERS.find((entry) => entry.layer === look.layer)!.what;
   return section(
     "Show",
     el("div", { class: "choices", role: "radiogroup", "aria-label": "Layer" }, ...buttons),
+    ...(weights ? [factorChoice(look, act)] : []),
     el("p", { class: "hint" }, available.size > 1 || look.layer !== "shaded" ? what : "No result yet."),
   );
+}
+
+function factorChoice(look: Look, act: PanelActions): HTMLElement {
+  const options = FACTORS.map(({ factor, name }) =>
+    el("option", { value: factor, selected: factor === look.factor }, name),
+  );
+  const choice = el("select", { "aria-label": "Factor", onchange: () => act.change({ factor: choice.value }) }, ...options);
+  return el("label", { class: "factor" }, "Factor ", choice);
 }
 
 function toneSection(look: Look, act: PanelActions): HTMLElement {
