@@ -67,6 +67,23 @@ def test_another_picture_is_refused(shot):
     assert fit.reason
 
 
+def test_the_mirror_image_of_a_nearly_symmetric_object_is_refused():
+    """A slab with carvings, seen from the side; from the same start the true photo is found."""
+    scene = matte_pair(2, "stele")
+    loaded = open_renderer().load(scene.mesh, ambient_occlusion(scene.mesh, rays=32))
+    photo, truth = scene.photos[1], scene.cameras[1]
+    toward = truth.center - scene.mesh.vertices
+    points = scene.mesh.vertices[(toward * vertex_normals(scene.mesh)).sum(1) > 0][::7]
+    start = disturbed(truth, points, 0.039 * truth.width, np.random.default_rng([1, 1, 9]))
+    mirrored = replace(photo, pixels=np.ascontiguousarray(photo.pixels[:, ::-1]))
+
+    def render(camera):
+        return loaded.gbuffer(camera, ("depth", "normal", "ao", "front"))
+
+    assert register_mutual_information(photo, start, render).accepted
+    assert not register_mutual_information(mirrored, start, render).accepted
+
+
 def test_nothing_in_view_is_an_error(shot):
     """A start that looks away names the photo and what to do."""
     scene, render = shot

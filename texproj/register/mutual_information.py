@@ -52,9 +52,12 @@ SYSTEMATIC = 0.001
 """What light from one side shifts, as a share of the width (synthetic matte objects)."""
 LEAST_SUPPORT, ENOUGH_PATCHES = 0.1, 100
 """Share of structure in place below which the result is by chance, if there are so many patches."""
-MIRROR_MARGIN = 1.06
-"""How much more the mesh must tell about the photo than about its mirror image: 1.12 and more
-for right photos of nearly symmetric pieces, 1.03 for a mirrored one (synthetic)."""
+MIRROR_MARGIN = 1.02
+"""How much more the mesh must tell about the photo than about its mirror image: 1.05 and more for
+right photos of nearly symmetric pieces; .97 and less for mirrored ones where the search for the
+mirror image succeeds (synthetic)."""
+MIRROR_TURNS_DEG, MIRRORED_FOLLOWED = (-16.0, -8.0, 0.0, 8.0, 16.0), 2
+"""Planes of symmetry that are tried, from the front's normal, and how many are followed up."""
 CURVATURE_RADIUS_PX, LEAST_CURVATURE = 4.0, 0.05
 """Where the peak's shape is measured, and its least curvature relative to the largest: less is
 the roughness of the measure, not a direction in which nothing is known."""
@@ -109,7 +112,24 @@ def _restarted(task: Task, shown: Comparison, camera: Camera, seed: int) -> Came
 
 
 def _mirrored_bits(task: Task, camera: Camera) -> float:
-    """Information about the mirrored photo, from the mirror image of `camera` uphill."""
+    """Most information about the mirrored photo, from the mirror images of `camera` uphill."""
+    photo = task.photo
+    flipped = replace(
+        photo,
+        pixels=cv2.flip(photo.pixels, 1),
+        mask=None if photo.mask is None else cv2.flip(photo.mask, 1),
+    )
+    turned = replace(task, photo=flipped, picks=None)
+    ends = [ascend(turned, start, COARSE) for start in _mirror_images(task, camera)]
+    best = sorted(ends, key=lambda end: end.information)[-MIRRORED_FOLLOWED:]
+    return max(ascend(turned, end.camera, (*MIDDLE, FINE)).information for end in best)
+
+
+def _mirror_images(task: Task, camera: Camera) -> list[Camera]:
+    """`camera` mirrored at upright planes through the middle of the object's front: along the
+    normal that most of what is seen shares, and turned from there, since an oblique view tells
+    little of how an object is symmetric.
+    """
     here = camera.scaled(0.25)
     images = task.render(here)
     assert images.depth is not None and images.normal_in_cam is not None
@@ -117,16 +137,11 @@ def _mirrored_bits(task: Task, camera: Camera) -> float:
     y, x = np.nonzero(solid)
     xyz = here.unproject(np.stack([x, y], axis=1) + 0.5, images.depth[solid])
     middle = np.median(camera.pose.apply(xyz), axis=0)
-    facing = images.normal_in_cam[solid].mean(axis=0).astype(np.float64)
-    photo = task.photo
-    flipped = replace(
-        photo,
-        pixels=cv2.flip(photo.pixels, 1),
-        mask=None if photo.mask is None else cv2.flip(photo.mask, 1),
-    )
-    start = mirrored_camera(camera, middle, facing)
-    turned = replace(task, photo=flipped, picks=None)
-    return ascend(turned, start, (*COARSE, *MIDDLE, FINE)).information
+    normal = images.normal_in_cam[solid].astype(np.float64)
+    front = np.linalg.eigh(normal.T @ normal)[1][:, -1]
+    front *= np.sign(front @ normal.mean(axis=0)) or 1.0
+    turns = [cv2.Rodrigues(np.array([0.0, np.radians(deg), 0.0]))[0] for deg in MIRROR_TURNS_DEG]
+    return [mirrored_camera(camera, middle, turn @ front) for turn in turns]
 
 
 def _mean(cameras: list[Camera]) -> Camera:
