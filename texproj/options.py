@@ -88,6 +88,11 @@ class ColorOptions:
     """Correct the light that a lens loses towards the corners. "on": wherever the photos tell it
     surely; "auto": where they also agree visibly better with each other then."""
 
+    align: bool = False
+    """Shift parts of photos by the few pixels that they are off on the surface, found against a
+    first coloring: where it is sure, smoothly. Every photo is read three times and the mesh colored
+    twice. Not for patches."""
+
     blend: Literal["multi-band", "robust", "mean", "best"] = "multi-band"
     """How the photos of a point become one color. "robust": the average of those that agree;
     "multi-band": the same, and what averaging takes from fine detail is given back as far as the

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from texproj.camera import Camera
 from texproj.color.absolute import absolute_matrix, in_absolute
+from texproj.color.align import alignments, displaced, per_alignment, rough
 from texproj.color.atlas import Atlas
 from texproj.color.combine import blend
 from texproj.color.corrections import corrected, gains_of, grids_of
@@ -57,6 +58,11 @@ def color_texture(
     called once per photo; progress: called with photos done and photos in all.
     """
     options, unwrap_options = options or ColorOptions(), unwrap_options or UnwrapOptions()
+    found = None
+    if options.align:
+        first = color_texture(mesh, cameras, load_photo, renderer, rough(options), unwrap_options)
+        found = alignments(mesh, first, cameras, load_photo, renderer)
+        del first
     return_freed_memory()
     with opencv_in_one_thread(), closing(Scratch()) as scratch:
         with ThreadPoolExecutor(1) as beside:
@@ -66,7 +72,7 @@ def color_texture(
             renderer.rest()
             density = texels_per_unit(mesh, cameras, depths, options)
         trim()
-        views = views_ahead(cameras, load_photo, depths, options)
+        views = displaced(views_ahead(cameras, load_photo, depths, options), found)
         atlas = unwrap(mesh, density, unwrap_options, regions.result())
         points = TexelPoints.of(mesh, atlas, scratch)
         trim()
@@ -80,7 +86,7 @@ def color_texture(
         for number, page in enumerate(pages):
             fill_page(page, points.inside(number, page.shape))
     quality = coverage(counts, sum(points.sizes)) | {"photos": per_photo(light, focus, share)}
-    quality |= checker | {"lenses": per_lens(light)}
+    quality |= checker | {"lenses": per_lens(light)} | per_alignment(found)
     return Texture(atlas, tuple(pages), tuple(counts), quality)
 
 

@@ -33,7 +33,9 @@ class PhotoView:
     depth: (h, w) float32 along the axis of the depth camera (inf = nothing there);
     trust: (h, w) float32 product of the silhouette's and the picture's factors, in the pixels of
     the depth camera too; None = 1 everywhere; info: what the photo's header says;
-    soft: light around the pixels of each level, see `bands.soft_light`, or none.
+    soft: light around the pixels of each level, see `bands.soft_light`, or none;
+    shift: (h, w, 2) float32 displacement over the whole picture, pixels of the photo, or None:
+    what the camera expects at a place is seen that much away.
     """
 
     camera: Camera
@@ -43,21 +45,33 @@ class PhotoView:
     trust: Floats | None = None
     info: PhotoInfo | None = None
     soft: tuple[Floats, ...] = ()
+    shift: Floats | None = None
 
     @cached_property
     def lens(self) -> Floats | None:
-        """(h, w, 2) displacement by the lens, pixels of the photo, at nodes `LENS_CELL` pixels of
-        the depth image apart, the first node at (-LENS_CELL/2, -LENS_CELL/2); None without.
+        """(h, w, 2) displacement by the lens and `shift`, pixels of the photo, at nodes
+        `LENS_CELL` pixels of the depth image apart, the first node at (-LENS_CELL/2,
+        -LENS_CELL/2); None without.
         """
-        if not self.camera.intrinsics.distorted:
+        if not self.camera.intrinsics.distorted and self.shift is None:
             return None
         k, d = self.camera.intrinsics, self.depth_camera.intrinsics
         x = (np.arange(-(-d.width // LENS_CELL) + 2) - 0.5) * LENS_CELL
         y = (np.arange(-(-d.height // LENS_CELL) + 2) - 0.5) * LENS_CELL
         ideal = np.stack(np.meshgrid((x - d.cx) / d.fx, (y - d.cy) / d.fy), axis=-1)
         bent = k.distort(ideal.reshape(-1, 2)).reshape(ideal.shape)
-        shift = (bent - ideal) * (k.fx, k.fy)
-        return np.where(np.isfinite(shift), shift, 1e6).astype(np.float32)
+        lens = (bent - ideal) * (k.fx, k.fy)
+        if self.shift is not None:
+            lens += self._shift_at(bent * (k.fx, k.fy) + (k.cx, k.cy))
+        return np.where(np.isfinite(lens), lens, 1e6).astype(np.float32)
+
+    def _shift_at(self, xy_px: NDArray[np.float64]) -> Floats:
+        """`shift` at positions in the photo, from its top-left corner."""
+        assert self.shift is not None
+        size = np.array(self.shift.shape[1::-1])
+        at = xy_px * (size / (self.camera.width, self.camera.height)) - 0.5
+        at = np.nan_to_num(at, nan=-1.0).clip(-1, size).astype(np.float32)
+        return cv2.remap(self.shift, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
 
 
 def linear16(pixels: NDArray[Any]) -> NDArray[np.uint16]:

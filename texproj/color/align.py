@@ -1,0 +1,144 @@
+"""Small displacements of photos on the surface, found against what all of them show together.
+
+After Dellepiane, Marroquim, Callieri, Cignoni, Scopigno, "Flow-based local optimization for
+image-to-geometry projection", IEEE TVCG 2012, and Zhou and Koltun, "Color map optimization for 3D
+reconstruction with consumer depth cameras", SIGGRAPH 2014; the rules of what is sure are ours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.camera import Camera
+from texproj.color.flow import sure_flow
+from texproj.color.points import Floats
+from texproj.color.result import Texture
+from texproj.color.view import PhotoView
+from texproj.mesh import Mesh, TexturedMesh
+from texproj.options import ColorOptions
+from texproj.photo import Photo
+from texproj.render import Renderer, render_model
+
+WORKING_PX = 1600
+"""Longest side of the pictures that are compared: displacements of a few pixels of the photo are
+still one of these, and the noise is less."""
+
+LARGEST = 0.0025
+"""Displacement in parts of the picture's diagonal beyond which it is another thing that is seen,
+or a camera to be refined."""
+
+ROUGH = 0.5
+"""Texels per pixel of the first coloring, against that of the result."""
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """Where a photo shows the surface, against where its camera says.
+
+    shift: (h, w, 2) float32 pixels of the decoded photo, over the whole picture, 0 where not sure;
+    median_px, largest_px: its length where sure; sure: that part of the surface's pixels.
+    """
+
+    shift: Floats
+    median_px: float
+    largest_px: float
+    sure: float
+
+
+def rough(options: ColorOptions) -> ColorOptions:
+    """The options of the coloring against which photos are compared."""
+    density = options.texels_per_pixel * ROUGH
+    return replace(
+        options, align=False, blend="robust", texels_per_pixel=density, bits=8, checker=None
+    )
+
+
+def alignments(
+    mesh: Mesh,
+    texture: Texture,
+    cameras: Sequence[Camera],
+    load_photo: Callable[[int], Photo | None],
+    renderer: Renderer,
+) -> list[Alignment | None]:
+    """The displacements of all photos against a texture made of them, None for a photo that could
+    not be loaded. Every photo is loaded once more.
+    """
+    model = as_model(mesh, texture)
+    out: list[Alignment | None] = []
+    for number, camera in enumerate(cameras):
+        photo = load_photo(number)
+        out.append(None if photo is None else alignment(photo, camera, model, renderer))
+        del photo  # before the next one is loaded
+    return out
+
+
+def alignment(photo: Photo, camera: Camera, model: TexturedMesh, renderer: Renderer) -> Alignment:
+    """The displacement of one photo against a model. camera: of the full-size photo."""
+    factor = min(1.0, WORKING_PX / max(photo.width, photo.height))
+    size = (round(photo.width * factor), round(photo.height * factor))
+    render = render_model(renderer, model, camera.resized(*size), samples=1)
+    small = photo.resized(*size)
+    solid = render[..., 3] == 255
+    there = light_of(render[..., :3])
+    here = light_of(Photo(small.info, small.pixels).pixels)
+    shift, sure = sure_flow(here, np.where(solid, there, here), solid, LARGEST * np.hypot(*size))
+    scale = np.array([photo.width / size[0], photo.height / size[1]], np.float32)
+    return _described(shift * scale, sure, solid)
+
+
+def light_of(pixels: NDArray[Any]) -> Floats:
+    """(h, w) float32 luma of sRGB uint8 or the square root of linear light."""
+    if pixels.dtype == np.uint8:
+        return cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY).astype(np.float32) / np.float32(255)
+    scale = np.float32(1 / 60000.0) if pixels.dtype == np.uint16 else np.float32(1)
+    linear = cv2.cvtColor(pixels.astype(np.float32) * scale, cv2.COLOR_RGB2GRAY)
+    return np.sqrt(np.clip(linear, 0, 1))
+
+
+def _described(shift: Floats, sure: NDArray[np.bool_], solid: NDArray[np.bool_]) -> Alignment:
+    length = np.linalg.norm(shift[sure], axis=1) if sure.any() else np.zeros(1)
+    share = float(sure.sum() / max(float(solid.sum()), 1.0))
+    return Alignment(shift, float(np.median(length)), float(length.max()), share)
+
+
+def as_model(mesh: Mesh, texture: Texture) -> TexturedMesh:
+    """A texture as it is drawn."""
+    atlas = texture.atlas
+    sizes = np.array(atlas.page_sizes, np.float64)[np.maximum(atlas.page_of_face, 0)]
+    corners = atlas.uv_px[atlas.faces] / sizes[:, None]
+    corners[..., 1] = 1 - corners[..., 1]
+    uv_faces = np.arange(3 * len(mesh.faces), dtype=np.int32).reshape(-1, 3)
+    return TexturedMesh(
+        mesh.vertices, mesh.faces, corners.reshape(-1, 2), uv_faces, atlas.page_of_face,
+        texture.pages,
+    )  # fmt: skip
+
+
+def displaced(
+    views: Iterable[PhotoView | None], found: Sequence[Alignment | None] | None
+) -> Iterator[PhotoView | None]:
+    """The views with their displacements, if any were looked for."""
+    for number, view in enumerate(views):
+        one = found[number] if found else None
+        yield view if view is None or one is None else replace(view, shift=one.shift)
+        del view  # before the next one is made
+
+
+def per_alignment(found: Sequence[Alignment | None] | None) -> dict[str, Any]:
+    """For the report: for each photo, in pixels, the median and the largest displacement where it
+    is sure, and the part of the surface in the picture where it is.
+    """
+    if not found:
+        return {}
+    return {
+        "alignment": [
+            one and {"median_px": one.median_px, "largest_px": one.largest_px, "sure": one.sure}
+            for one in found
+        ]
+    }
