@@ -22,6 +22,7 @@ from texproj.stages.refining import (
 from texproj.stages.registering import PhotoOutcome, register_photos, registration_freshness
 from texproj.stages.reporting import ReportOutcome, report_freshness, report_project
 
+NONE_REGISTERED = "no photo could be registered, so there is no model; each says what it needs"
 SWITCHED_OFF = "switched off since then; the next run goes back to each photo's own registration"
 
 
@@ -60,7 +61,7 @@ def run_project(bench: Workbench, progress: Progress = silent) -> RunOutcome:
     try:
         color, reason = color_project(bench, progress), ""
     except InputError as error:
-        color, reason = None, str(error)
+        color, reason = None, NONE_REGISTERED if all(p.failed for p in photos) else str(error)
     report = report_project(bench, progress)
     return RunOutcome(photos, refined, color, report, reason, back)
 
