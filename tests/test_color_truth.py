@@ -18,7 +18,7 @@ from texproj.options import ColorOptions, RenderOptions
 from texproj.photo import srgb_from_linear
 from texproj.render import open_renderer
 
-PLAIN = ColorOptions(gains=False, vignetting=False, focus_power=0, blend="mean")
+PLAIN = ColorOptions(gains=False, vignetting="off", focus_power=0, blend="mean")
 """Nothing is corrected: the weighted mean of the photos as they are."""
 
 
