@@ -123,7 +123,7 @@ def _finer(source: Path, out: Path, rounds: int) -> str:
     vertices, faces = mesh.vertices, mesh.faces
     for _ in range(rounds):
         vertices, faces = _quartered(vertices, faces)
-    write_ply(out, vertices, faces)
+    write_ply(out, vertices, faces, None)
     return f"{len(faces) / 1e6:.1f} M faces, {len(vertices) / 1e6:.1f} M vertices"
 
 
