@@ -229,13 +229,14 @@ def _texture_at(model: TexturedMesh, pairs: Pairs) -> np.ndarray:
 
 def bilinear(image: np.ndarray, xy_px: np.ndarray) -> np.ndarray:
     """(n, 3) float32 values at pixels whose centers are at .5."""
-    image = np.ascontiguousarray(image)
+    scale = 256 if image.dtype == np.uint8 else 1  # OpenCV rounds to the kind of the image
+    image = image.astype(np.uint16) * np.uint16(scale)
     parts = np.array_split((xy_px - 0.5).astype(np.float32), len(xy_px) // 30_000 + 1)
     values = [
         cv2.remap(image, part[:, None, :], None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         for part in parts
     ]
-    return np.concatenate(values).reshape(-1, 3).astype(np.float32)
+    return np.concatenate(values).reshape(-1, 3).astype(np.float32) / scale
 
 
 def photo_steps(
