@@ -18,7 +18,8 @@ from texproj.color.overlaps import Doubles, Overlaps
 POWERS = 3
 """Unknowns of a lens: the logarithm of its light is linear in r^2, r^4, r^6."""
 
-ROUNDS = 12
+ROUNDS, SETTLED = 12, 3e-4
+"""Most rounds of reweighting, and the change of log light after which there are no more."""
 
 PARTS = 8
 """Groups of photos, and parts of the surface, that are left out in turn to see what changes."""
@@ -30,7 +31,7 @@ changes with the view, and what is not registered well, is common to many points
 COMMON = 0.01
 """The same for one channel against the others."""
 
-ANY_GAIN, ANY_TINT, ANY_FALLOFF = 1.5, 0.5, 2.0
+ANY_GAIN, ANY_TINT, ANY_FALLOFF = 1.0, 0.5, 6.0
 """Standard deviations, in log light, of gains, of channels against each other, and of a lens's
 coefficients before anything is seen."""
 
@@ -189,14 +190,17 @@ def solve_light(seen: Overlaps, lens: NDArray[np.intp], log_exposure: Doubles) -
     equations, p = _Equations(seen, lens), seen.photos
     priors = _Priors(log_exposure, np.full(p, EXIF_SIGMA))
     weight, residual, noise = np.ones(len(seen.photo)), np.zeros(len(seen.photo)), 0.0
+    solution = np.full((p, 3), np.inf)
     for _ in range(ROUNDS):
-        solution = _solved(equations, weight, noise, priors)
+        before, solution = solution, _solved(equations, weight, noise, priors)
         log_gain, log_light = solution[:p], solution[p:, 0].reshape(-1, POWERS)
         priors = priors.doubted(log_gain.mean(axis=1), seen.count > 0)
         if len(weight):
             residual = equations.residual(log_gain, log_light, weight)
             noise = float(np.median(residual))
             weight = 1 / (1 + (residual / max(2 * noise, 1e-3)) ** 2)
+        if np.abs(solution[:p] - before[:p]).max(initial=0) < SETTLED:
+            break
     scatter = _scatter(equations, weight, noise, priors)
     off = priors.off(log_gain.mean(axis=1))
     log_gain = log_gain - equations.level(log_gain, log_light, np.isfinite(log_exposure))

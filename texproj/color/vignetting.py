@@ -29,6 +29,9 @@ SURE = 3.0
 LEAST = 0.02
 """Log light at the corners under which there is nothing to correct."""
 
+RISE = 0.01
+"""Log light by which a lens may seem to get brighter outwards: noise of the polynomial."""
+
 MOST = 2.0
 """Log light at the corners beyond which it is no lens: two diaphragms are 1.4."""
 
@@ -118,7 +121,7 @@ def _judged(
     coefficients, corner = bent.log_light[number], _powers(np.array([reach]))[0]
     sigma = float(np.sqrt(corner @ bent.scatter[number] @ corner))
     log_light = _powers(np.linspace(0, reach, 50)) @ coefficients
-    falling = bool((np.diff(log_light) <= 0).all())
+    falling = bool((log_light - np.minimum.accumulate(log_light) < RISE).all())
     loss = -float(log_light[-1])
     before, after = (np.median(fit.residual[mine]) if mine.any() else 1 for fit in (straight, bent))
     left = float(after / max(before, 1e-9))
