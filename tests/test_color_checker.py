@@ -24,8 +24,9 @@ from texproj.color.patches import PatchSettings, color_patches
 from texproj.color.texture import color_texture
 from texproj.color.vertices import color_vertices
 from texproj.errors import InputError
+from texproj.formats.photos import read_photo, read_photo_info
 from texproj.options import ColorOptions, RenderOptions
-from texproj.photo import PhotoInfo, linear_from_srgb
+from texproj.photo import Photo, PhotoInfo, linear_from_srgb
 from texproj.project import Project
 from texproj.render import open_renderer
 from texproj.stages.checking import color_options
@@ -296,3 +297,17 @@ def test_a_missing_chart_is_named(project_folder):
     with pytest.raises(InputError, match=r"nowhere\.jpg; correct `checker` in \[color\]"):
         color_options(project, project.photo_names)
     assert color_options(with_chart(project_folder, None), []) == ColorOptions()
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (4, 3000), (60, 80), (400, 600)])
+def test_pictures_without_a_chart_are_refused_whatever_their_shape(shape):
+    noise = np.random.default_rng(0).integers(0, 256, (*shape, 3)).astype(np.uint8)
+    with pytest.raises(InputError, match="no 24-patch color chart"):
+        read_checker(Photo(PhotoInfo("n.png", shape[1], shape[0]), noise))
+
+
+def test_real_photos_without_a_chart_are_refused(real_data):
+    """Some facades look like charts to a detector; their colors do not."""
+    for path in sorted((real_data("sceaux-castle") / "photos").iterdir())[:2]:
+        with pytest.raises(InputError, match=r"no 24-patch|cannot be corrected|exposed"):
+            read_checker(read_photo(path, read_photo_info(path)))

@@ -20,6 +20,11 @@ ROWS, COLUMNS = 4, 6
 SIZES_PX = (1600, 3200)
 """Longer sides of the reduced photo in which the chart is looked for, one after the other."""
 
+LEAST_SIDE_PX, MOST_STRETCHED = 100, 8.0
+"""Shorter side of a photo, and longer over shorter, beyond which nothing is looked for: the
+detector enlarges the shorter side to 1000 pixels, whatever that takes.
+"""
+
 INNER = 0.8
 """Part of a patch's middle, along a line, that is measured."""
 
@@ -58,14 +63,13 @@ class Patches:
         return replace(self, rgb=self.rgb[::-1].copy(), noise=self.noise[::-1].copy())
 
 
-def measure_chart(photo: Photo) -> Patches:
-    """Find the chart and measure its patches in linear light.
+def measure_chart(photo: Photo, corners: Doubles) -> Patches:
+    """Measure a chart's patches in linear light. corners: as from `find_charts`.
 
-    Raises InputError, one sentence with the remedy, where no chart is found, where it is cut off by
-    the border, too small, over- or under-exposed.
+    Raises InputError, one sentence with the remedy, where the chart is cut off by the border, too
+    small, over- or under-exposed.
     """
     name = photo.info.name
-    corners = _corners(photo)
     _check_inside(corners, photo)
     linear = photo.linear()
     pixels = [_pixels(linear, corner) for corner in corners]
@@ -80,22 +84,24 @@ def measure_chart(photo: Photo) -> Patches:
     return Patches(rgb, noise, xy, (float(x), float(y)))
 
 
-def _corners(photo: Photo) -> Doubles:
-    """(24, 4, 2) corners of the middles of the patches, pixels of the photo."""
+def find_charts(photo: Photo) -> Iterator[Doubles]:
+    """What looks like a chart: (24, 4, 2) corners of the patches' middles, pixels of the photo.
+
+    Searched one after the other, at several sizes and exposures: the next where one was not it.
+    """
     detector = cv2.mcc.CCheckerDetector.create()
     detector.setColorChartType(cv2.mcc.MCC24)
     for picture, scale in _pictures(photo):
         if detector.process(picture, 1):
             found = np.array(detector.getBestColorChecker().getColorCharts(), np.float64)
-            return (found.reshape(ROWS * COLUMNS, 4, 2) + 0.5) / scale
-    raise InputError(
-        f"{photo.info.name}: no 24-patch color chart found; photograph it whole, from the front and"
-        " larger, or correct `checker`"
-    )
+            yield (found.reshape(ROWS * COLUMNS, 4, 2) + 0.5) / scale
 
 
 def _pictures(photo: Photo) -> Iterator[tuple[NDArray[np.uint8], float]]:
     """Reduced photos, BGR, and their scales: as they are, then each channel stretched."""
+    short, long = sorted((photo.width, photo.height))
+    if short < LEAST_SIDE_PX or long > MOST_STRETCHED * short:
+        return
     for size in SIZES_PX:
         scale = min(1.0, size / max(photo.width, photo.height))
         small = photo.resized(round(photo.width * scale), round(photo.height * scale)).linear()

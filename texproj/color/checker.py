@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.color.chart import Doubles, Patches, measure_chart
+from texproj.color.chart import Doubles, Patches, find_charts, measure_chart
 from texproj.errors import InputError
 from texproj.photo import Photo, PhotoInfo
 
@@ -86,13 +86,26 @@ def read_checker(photo: Photo, index: int | None = None) -> Checker:
     index: number of the camera whose photo it is. Raises InputError, one sentence with the remedy,
     where there is no chart, where it is cut or wrongly exposed, and where no correction fits.
     """
-    seen = measure_chart(photo)
+    problem = InputError(
+        f"{photo.info.name}: no 24-patch color chart found; photograph it whole, from the front and"
+        " larger, or correct `checker`"
+    )
+    for number, corners in enumerate(find_charts(photo)):
+        try:
+            return _checker(measure_chart(photo, corners), photo.info, index)
+        except InputError as error:
+            problem = problem if number else error
+    raise problem
+
+
+def _checker(seen: Patches, info: PhotoInfo, index: int | None) -> Checker:
+    """The correction that patches call for. Raises InputError where none fits."""
     fits = [(patches, *_fit(patches, np.ones(24, bool))) for patches in (seen, seen.turned())]
     patches, matrix, slope = min(fits, key=lambda fit: float(np.median(_differences(*fit))))
     after = _differences(patches, matrix, slope)
     if np.median(after) > WORST_MEDIAN or p95(after) > WORST_P95:
         raise InputError(
-            f"{photo.info.name}: the chart's colors cannot be corrected (CIEDE2000 median"
+            f"{info.name}: the color chart's patches cannot be corrected (CIEDE2000 median"
             f" {np.median(after):.1f}, 95 % {p95(after):.1f}); use a 24-patch ColorChecker in even"
             " light, and a photo developed without effects"
         )
@@ -101,7 +114,7 @@ def read_checker(photo: Photo, index: int | None = None) -> Checker:
     left_out = _left_out(patches)
     falloff = float(light.max() / light.min())
     return Checker(
-        matrix, photo.info, before, after, left_out, falloff, index, patches.middle
+        matrix, info, before, after, left_out, falloff, index, patches.middle
     )  # fmt: skip
 
 
