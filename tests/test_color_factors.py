@@ -6,15 +6,18 @@ import pytest
 from color_scenes import camera, picture, plane
 
 from texproj.camera import Camera
+from texproj.color.combine import blend
 from texproj.color.depths import Depths
 from texproj.color.detail import SIDE, energies
 from texproj.color.focus import median_of_others, node_positions, upper_medians
+from texproj.color.highlights import highlight_factor
 from texproj.color.inspection import Inspection, photo_factors
 from texproj.color.pictures import FLOOR, exposure_factor, mask_factor, silhouette_factor
 from texproj.color.pixels import PixelPoints
 from texproj.color.prepare import photo_view
 from texproj.color.project import project_views
 from texproj.color.scratch import Scratch
+from texproj.color.spill import Stack
 from texproj.options import ColorOptions, RenderOptions
 from texproj.photo import Photo, PhotoInfo
 from texproj.render import open_renderer
@@ -203,6 +206,48 @@ def test_somebody_in_front_is_inconsistent(scene):
     assert np.nanmedian(consistency[20:60, 100:140]) > 0.8
 
 
+def colors(*rgb) -> np.ndarray:
+    """(p, 3, 1) linear light of one point in p photos."""
+    return np.array(rgb, np.float32)[:, :, None]
+
+
+def test_a_highlight_counts_less():
+    """White light on a red surface in one of four photos: by the formula, and only there."""
+    red, glint = (0.4, 0.1, 0.1), (0.7, 0.4, 0.4)
+    weight = np.ones((4, 1), np.float32)
+
+    factor = highlight_factor(colors(red, red, glint, red), weight, 1.0)[:, 0]
+
+    luminance = np.array([0.2126, 0.7152, 0.0722])
+    over = (np.sqrt(luminance @ glint) - np.sqrt(luminance @ red)) / 0.1
+    np.testing.assert_allclose(factor, [1, 1, 1 / (1 + over**2), 1], rtol=1e-3)
+
+
+def test_what_is_no_highlight():
+    """Red that is brighter, a shadow, a photo that is alone with one other, strength 0: all 1."""
+    red, bright, dark = (0.4, 0.1, 0.1), (0.8, 0.2, 0.2), (0.1, 0.03, 0.03)
+    white, ones = (0.9, 0.9, 0.9), np.ones((4, 1), np.float32)
+    two = np.array([[1], [1], [0], [0]], np.float32)
+
+    assert highlight_factor(colors(red, red, bright, red), ones, 1.0).min() == 1
+    assert highlight_factor(colors(red, red, dark, red), ones, 1.0).min() == 1
+    assert highlight_factor(colors(red, white, red, red), two, 1.0).min() == 1
+    assert highlight_factor(colors(red, white, red, red), ones, 0.0).min() == 1
+
+
+def test_blending_leaves_a_highlight_out():
+    """The plain mean with a strong factor is the surface's color to 2 %; without, far off."""
+    red, glint = np.array([0.4, 0.1, 0.1]), (0.7, 0.4, 0.4)
+    stack = Stack(np.arange(4), colors(red, red, glint, red), np.ones((4, 1), np.float32))
+    found = [
+        blend(stack, np.ones((4, 3), np.float32), ColorOptions(blend="mean", highlight=strength))
+        for strength in (0, 50)
+    ]
+
+    np.testing.assert_allclose(found[0].rgb[0], red + 0.075, rtol=1e-4)
+    np.testing.assert_allclose(found[1].rgb[0], red, atol=0.002)
+
+
 def test_angle_and_density_are_those_of_the_plane(scene):
     """The factors of the surface are what the angles and distances on paper say."""
     found = inspected(scene, photos())
@@ -222,7 +267,8 @@ def test_all_factors_have_the_frame_of_the_photo(scene):
     shown = np.isfinite(found["weight"])
 
     assert list(found) == [
-        "angle", "density", "border", "silhouette", "exposure", "focus", "consistency", "weight",
+        "angle", "density", "border", "silhouette", "exposure", "focus", "highlight",
+        "consistency", "weight",
     ]  # fmt: skip
     for image in found.values():
         assert image.shape == SIZE[::-1]

@@ -81,6 +81,10 @@ class ColorOptions:
     """How strongly blurred parts of photos are distrusted: the power of their energy of fine detail
     against that of the other photos; 0 = not looked at."""
 
+    highlight: Annotated[float, Field(ge=0, le=100)] = 0.0
+    """How strongly a photo is distrusted where it shows a highlight: brighter than most others, by
+    light without the surface's color; 0 = not at all. For glossy things."""
+
     gains: bool = True
     """Correct each photo's exposure and white balance by what the others show there."""
 

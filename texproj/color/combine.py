@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.color.bands import LUMINANCE, restored
+from texproj.color.highlights import highlight_factor
 from texproj.color.points import Floats
 from texproj.color.spill import Stack
 from texproj.options import ColorOptions
@@ -67,7 +68,10 @@ def blend(stack: Stack, gain: Floats, options: ColorOptions) -> Blend:
     for start in range(0, n if len(stack.photos) else 0, BLOCK):
         part = slice(start, start + BLOCK)
         around = stack.around if stack.around is None else stack.around[:, part]
-        views = Views(stack.rgb[:, :, part] * factor, stack.weight[:, part], around)
+        color, weight = stack.rgb[:, :, part] * factor, stack.weight[:, part]
+        if options.highlight:
+            weight = weight * highlight_factor(color, weight, options.highlight)
+        views = Views(color, weight, around)
         trust, rgb[part] = METHODS[options.blend](views, options)
         share += trust.sum(axis=1)
     count = np.count_nonzero(stack.weight, axis=0).astype(np.uint16)

@@ -17,6 +17,7 @@ from texproj.color.combine import blend
 from texproj.color.corrections import corrected, gains_of, grids_of
 from texproj.color.depths import Depths
 from texproj.color.focus import distrusting, solve_focus
+from texproj.color.highlights import highlight_factor
 from texproj.color.lookup import depth_pixels, photo_pixels, rescaled
 from texproj.color.photometry import solve_photometry
 from texproj.color.pictures import picture_factors, silhouette_factor
@@ -38,6 +39,7 @@ FACTORS = {
     "mask": "Away from what is masked",
     "exposure": "Neither clipped nor black",
     "focus": "As sharp as the other photos",
+    "highlight": "Without a highlight",
     "consistency": "As all photos agree",
     "weight": "All of them together",
 }
@@ -143,10 +145,15 @@ def shared_factors(
     row = np.flatnonzero(stack.photos == photo)
     n = stack.weight.shape[1]
     if len(row) == 0:
-        return {"consistency": np.zeros(n, np.float32), "weight": np.zeros(n, np.float32)}
-    rgb = stack.rgb[row[0]] * gains[photo][:, None]
-    apart = np.sqrt(rgb) - np.sqrt(np.maximum(blend(stack, gains, options).rgb.T, 0))
+        return dict.fromkeys(("highlight", "consistency", "weight"), np.zeros(n, np.float32))
+    rgb = stack.rgb * gains[stack.photos][:, :, None]
+    glint = highlight_factor(rgb, stack.weight, options.highlight)[row[0]]
+    apart = np.sqrt(rgb[row[0]]) - np.sqrt(np.maximum(blend(stack, gains, options).rgb.T, 0))
     weight = stack.weight[row[0]]
     consistency = 1 / (1 + np.square(apart).sum(axis=0) / np.float32(options.robust_scale**2))
     consistency *= weight > 0
-    return {"consistency": consistency, "weight": weight * consistency}
+    return {
+        "highlight": glint,
+        "consistency": consistency,
+        "weight": weight * glint * consistency,
+    }

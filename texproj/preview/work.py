@@ -22,7 +22,8 @@ from texproj.stages.registering import register_photos
 
 LAYERS = ("ao", "coverage", "source", "weights")
 FACTORS = (
-    "angle", "density", "border", "silhouette", "mask", "exposure", "focus", "consistency",
+    "angle", "density", "border", "silhouette", "mask", "exposure", "focus", "highlight",
+    "consistency",
 )  # fmt: skip
 """What a photo's weight is made of; each is a layer too."""
 TOGETHER = (("coverage", "source"), FACTORS)
@@ -92,7 +93,7 @@ async def layer_values(session: Session, layer: str, photo: str) -> NDArray[np.f
         except Cancelled:
             raise HTTPException(409, "stopped on request") from None
         session.keep(key, made)
-    return made[layer] if isinstance(made, dict) else made  # type: ignore[no-any-return]
+    return made[layer] if isinstance(made, dict) else made
 
 
 def _layer_job(session: Session, layer: str, photo: str) -> Any:

@@ -36,6 +36,7 @@ export const FACTORS: { factor: string; name: string; what: string }[] = [
   { factor: "mask", name: "Mask", what: "Away from what is masked" },
   { factor: "exposure", name: "Exposure", what: "Neither clipped nor black" },
   { factor: "focus", name: "Focus", what: "As sharp as the other photos" },
+  { factor: "highlight", name: "Highlight", what: "Without a highlight" },
   { factor: "consistency", name: "Consistency", what: "As all photos agree" },
 ];
 
