@@ -42,6 +42,8 @@ def texels_per_unit(
         sight = sight_of(faces, camera, depth_camera, 1, options)
         pixels = resolution(faces, camera) * np.sqrt(np.maximum(facing(faces, camera), 0))
         better = np.flatnonzero(np.where(sight.weight > 0, pixels, 0) > best).astype(np.int32)
+        if len(better) == 0:
+            return
         weight = sight.weight.take(better)
         project(Chunk(faces.center.take(better, axis=0), better), weight, sight, view)
         with lock:

@@ -47,6 +47,8 @@ def sample(chunk: Chunk, sight: Sight, view: PhotoView) -> Samples | None:
     facing = np.flatnonzero(weight)
     if len(facing) == 0:
         return None
+    if len(facing) == 0:
+        return None
     part = chunk
     if len(facing) < len(chunk):
         part, weight = chunk.take(facing), weight.take(facing)

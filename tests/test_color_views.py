@@ -1,0 +1,89 @@
+"""Views of photos on their way to the surface: made ahead, parked, blind ones."""
+
+import numpy as np
+import pytest
+from color_scenes import camera, picture, plane
+
+from texproj.color.parking import ParkedView
+from texproj.color.prepare import photo_view
+from texproj.color.texture import color_texture
+from texproj.color.threads import ahead
+from texproj.options import ColorOptions, RenderOptions
+from texproj.render import open_renderer
+
+BEHIND = (0.3, 0.2, -3.0)
+
+
+@pytest.fixture(scope="module", params=["gl", "cpu"])
+def renderer(request):
+    with open_renderer(RenderOptions(renderer=request.param)) as renderer:
+        yield renderer
+
+
+@pytest.mark.parametrize("centers", [[BEHIND], [(0.3, 0.2, 3.0), BEHIND, (-0.5, 0.1, 2.8)]])
+def test_a_photo_that_sees_nothing_adds_nothing(renderer, centers):
+    """Photos from behind the surface color none of it and disturb no other photo."""
+    cameras = [camera(center) for center in centers]
+    photos = [picture(c) for c in cameras]
+    texture = color_texture(plane(), cameras, lambda i: photos[i], renderer)
+    assert (texture.quality["seen"] > 0.9) == (len(centers) > 1)
+    shares = [entry["share"] for entry in texture.quality["photos"]]
+    assert shares[centers.index(BEHIND)] == 0
+
+
+def test_a_parked_view_comes_back_as_it_was(renderer):
+    """Images, camera and lens of a view survive the disk."""
+    bent = camera((0.3, 0.2, 3.0), dist=(-0.1, 0.02, 0.0, 0.0, 0.0))
+    with renderer.load(plane()) as scene:
+        view = photo_view(picture(bent), bent, scene, ColorOptions())
+    back = ParkedView(view).take()
+    assert back.camera == view.camera and back.info == view.info
+    np.testing.assert_array_equal(back.depth, view.depth)
+    np.testing.assert_array_equal(back.trust, view.trust)
+    np.testing.assert_array_equal(back.lens, view.lens)
+    for mine, other in zip(back.levels, view.levels, strict=True):
+        np.testing.assert_array_equal(mine, other)
+
+
+def test_a_renderer_works_after_a_rest(renderer):
+    """A scene loaded after a rest shows what one before it showed; an open scene forbids rest."""
+    view = camera((0.3, 0.2, 3.0))
+    with renderer.load(plane()) as scene:
+        renderer.rest()
+        before = scene.gbuffer(view, ("depth",)).depth
+    renderer.rest()
+    renderer.rest()
+    with renderer.load(plane()) as scene:
+        np.testing.assert_array_equal(scene.gbuffer(view, ("depth",)).depth, before)
+
+
+def test_ahead_keeps_order_and_distance():
+    """Everything comes once and in order, never more than asked for is made before it is used."""
+    used, most = [], []
+
+    def make(number):
+        most.append(number - len(used))
+        return number
+
+    for number in ahead(make, 20, 3):
+        used.append(number)
+    assert used == list(range(20))
+    assert max(most) <= 3 + 1
+
+
+def test_ahead_stops_at_the_first_failure():
+    """An exception while making comes out where that item is due, and no more are made."""
+    made = []
+
+    def make(number):
+        made.append(number)
+        if number == 2:
+            raise ValueError("third")
+        return number
+
+    got = []
+    with pytest.raises(ValueError, match="third"):
+        for number in ahead(make, 50, 3):
+            got.append(number)
+    assert got == [0, 1]
+    assert len(made) < 10
