@@ -195,7 +195,8 @@ def disagreement(views: FaceViews, options: PatchOptions) -> Floats:
     known = np.count_nonzero(views.photo >= 0, axis=1)
     outliers = np.count_nonzero(views.outlier >= 0, axis=1)
     square = np.float32(options.outlier**2) * outliers.astype(np.float32)
-    for way in views.to_consensus.transpose(1, 0, 2):
+    for rank in range(views.photo.shape[1]):
+        way = views.to_consensus[:, rank].astype(np.float32)
         square += np.einsum("fc,fc->f", way, way) / np.float32(3 * options.consensus_scale**2)
     return np.sqrt(square / np.maximum(known + outliers, 1)).astype(np.float32)
 

@@ -121,7 +121,9 @@ class PatchBlends:
         vertices, corners = np.unique(self._mesh.faces[chosen], return_inverse=True)
         corners = corners.reshape(-1, 3)
         column = views.photo[chosen] == photo
-        way = np.where(column[..., None], views.to_consensus[chosen], 0).sum(axis=1)
+        way = np.where(column[..., None], views.to_consensus[chosen], 0).sum(
+            axis=1, dtype=np.float32
+        )
         area_px = face_areas(self._mesh)[chosen] * views.density[chosen].astype(np.float64) ** 2
         known = area_px * column.any(axis=1)
         return _smoothed(corners, len(vertices), known, way, self._level_px)[corners]

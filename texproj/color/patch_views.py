@@ -72,7 +72,7 @@ class FaceViews:
     """The photos that may color each face, best first.
 
     photo: (F, k) int32, -1 = none; cost: (F, k) float32, 0 = perfect, inf where none;
-    to_consensus: (F, k, 3) float32 square root of linear light after gains, what all photos agree
+    to_consensus: (F, k, 3) float16 square root of linear light after gains, what all photos agree
     on minus this photo, 0 where none; density: (F,) float32 pixels per mesh unit of the best
     photo, 0 = unseen; glimpse: (F, k) int32 photos that show a part of a face that none shows as a
     whole, best first, -1 = none; outlier: (F, k) int32 photos that show something else there.
@@ -80,7 +80,7 @@ class FaceViews:
 
     photo: NDArray[np.int32]
     cost: Floats
-    to_consensus: Floats
+    to_consensus: NDArray[np.float16]
     density: Floats
     glimpse: NDArray[np.int32]
     outlier: NDArray[np.int32]
@@ -113,7 +113,7 @@ def face_views(
     out = FaceViews(
         np.full((count, k), -1, np.int32),
         np.full((count, k), np.inf, np.float32),
-        np.zeros((count, k, 3), np.float32),
+        np.zeros((count, k, 3), np.float16),
         np.zeros(count, np.float32),
         np.full((count, k), -1, np.int32),
         np.full((count, k), -1, np.int32),
