@@ -21,6 +21,9 @@ POWERS = 3
 ROUNDS, SETTLED = 12, 3e-4
 """Most rounds of reweighting, and the change of log light after which there are no more."""
 
+DENSE = 1 << 20
+"""Values of a dense matrix that are made at once."""
+
 PARTS = 8
 """Groups of photos, and parts of the surface, that are left out in turn to see what changes."""
 
@@ -94,16 +97,30 @@ class _Equations:
         norm = np.maximum(seen.of_points(weight), 1e-12)[:, None]
         away = w * ((seen.of_points(w * seen.log_rgb) / norm)[point] - seen.log_rgb)
         bent = w * self.columns
-        together = np.zeros((len(norm), p + bent.shape[1]))
-        together[point, seen.photo] = weight
-        together[:, p:] = seen.of_points(bent)
-        normal = together.T @ (together / -norm)
+        normal = -self.eliminated(weight, seen.of_points(bent), norm)
         normal[range(p), range(p)] += seen.of_photos(w)[:, 0]
         both = seen.of_photos(bent)
         normal[:p, p:] += both
         normal[p:, :p] += both.T
         normal[p:, p:] += self.columns.T @ bent
         return normal, np.concatenate([seen.of_photos(away), self.columns.T @ away])
+
+    def eliminated(self, weight: Doubles, bent: Doubles, norm: Doubles) -> Doubles:
+        """(K, K) what the unknown colors of the points take from the normal matrix.
+
+        bent: (n, POWERS L) weighted sums of `columns`, norm: (n, 1) of the weights, at the points.
+        """
+        seen, p = self.seen, self.seen.photos
+        out = np.zeros((p + bent.shape[1],) * 2)
+        step = max(1, DENSE // len(out))
+        for first in range(0, len(norm), step):
+            part = slice(first, first + step)
+            here = slice(*np.searchsorted(self.point, (first, first + step)))
+            together = np.zeros((len(norm[part]), len(out)))
+            together[self.point[here] - first, seen.photo[here]] = weight[here]
+            together[:, p:] = bent[part]
+            out += together.T @ (together / norm[part])
+        return out
 
     def corrected(self, log_gain: Doubles, log_light: Doubles) -> Doubles:
         """(m, 3) log colors with gains and lenses taken into account."""

@@ -16,7 +16,7 @@ DARKEST, BRIGHTEST = 0.003, 0.92
 SURE_WEIGHT = 0.02
 """Samples with less weight (borders, silhouettes, glancing views) tell nothing of the exposure."""
 
-ENOUGH, ENOUGH_EACH = 20_000, 500
+ENOUGH, ENOUGH_EACH = 20_000, 300
 """Observations, in all and per photo, from which on more points would not make the corrections any
 surer: what is left is not noise, but what is common to many points."""
 
