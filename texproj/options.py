@@ -107,7 +107,7 @@ class ColorOptions:
     """Difference from the other photos (square root of linear light, 1 = white) at which a sample
     counts half."""
 
-    preference: Annotated[float, Field(ge=0, le=8)] = 0.7
+    preference: Annotated[float, Field(ge=0, le=8)] = 0.85
     """How strongly the best of the photos that agree is preferred: the power of its weight. Not
     used by the blend "mean", where it is 1."""
 

@@ -31,7 +31,10 @@ still one of these, and the noise is less."""
 
 LARGEST = 0.0025
 """Displacement in parts of the picture's diagonal beyond which it is another thing that is seen,
-or a camera to be refined."""
+or a camera to be refined; but never less than `LEAST_PX`."""
+
+LEAST_PX = 4.0
+"""Pixels of the working size that a photo may always be off."""
 
 ROUGH = 0.5
 """Texels per pixel of the first coloring, against that of the result."""
@@ -87,7 +90,8 @@ def alignment(photo: Photo, camera: Camera, model: TexturedMesh, renderer: Rende
     solid = render[..., 3] == 255
     there = light_of(render[..., :3])
     here = light_of(Photo(small.info, small.pixels).pixels)
-    shift, sure = sure_flow(here, np.where(solid, there, here), solid, LARGEST * np.hypot(*size))
+    largest = max(LEAST_PX, LARGEST * float(np.hypot(*size)))
+    shift, sure = sure_flow(here, np.where(solid, there, here), solid, largest)
     scale = np.array([photo.width / size[0], photo.height / size[1]], np.float32)
     return _described(shift * scale, sure, solid)
 

@@ -18,18 +18,18 @@ to: three steps of 8 bits."""
 ROUND_TRIP_PX = 0.5
 """Distance by which the way there and back may miss."""
 
-ALIKE = 0.6
+ALIKE = 0.7
 """Correlation of neighborhoods, after the displacement."""
 
-SMOOTH_PX = 10.0
+SMOOTH_PX = 12.0
 """Deviation of the neighborhood over which displacements are averaged: what is smaller is not the
 camera's doing."""
 
 OUTLIER_PX = 1.0
 """Distance to the average of the neighborhood from which on a displacement is dropped."""
 
-DOUBT = 0.15
-"""Part of a neighborhood that has to be sure for half of its displacement to be believed."""
+DOUBT = 0.35
+"""Part of a neighborhood that has to be sure for about half of its displacement to be believed."""
 
 
 def sure_flow(
@@ -53,7 +53,7 @@ def sure_flow(
     mean, _ = _averaged(way, sure)
     sure &= np.hypot(*np.moveaxis(way - mean, -1, 0)) < OUTLIER_PX
     mean, near = _averaged(way, sure)
-    believed = near * near / (near * near + np.float32(DOUBT * DOUBT))
+    believed = (1 + DOUBT**2) * near * near / (near * near + np.float32(DOUBT**2))
     return mean * believed[..., None], sure
 
 

@@ -21,7 +21,7 @@ from texproj.options import ColorOptions
 from texproj.photo import Photo
 from texproj.render import Scene
 
-__all__ = ["LoadPhoto", "Progress", "add_photo", "project_photos", "project_views", "views_ahead"]
+__all__ = ["LoadPhoto", "Progress", "add_photo", "project_views", "views_ahead", "views_in_turn"]
 
 PARKED = 8
 """Views that are made ahead, while the surface is being unwrapped."""
@@ -30,23 +30,16 @@ LoadPhoto = Callable[[int], Photo | None]
 Progress = Callable[[int, int], None]
 
 
-def project_photos(
-    points: PointSource,
-    cameras: Sequence[Camera],
-    load_photo: LoadPhoto,
-    scene: Scene,
-    options: ColorOptions,
-    scratch: Scratch,
-    progress: Progress | None = None,
-) -> tuple[Spill, Survey]:
-    """The samples of all photos and a survey; each photo is loaded once, while the one before is
-    worked on, and forgotten; one that loads as None is left out.
+def views_in_turn(
+    cameras: Sequence[Camera], load_photo: LoadPhoto, scene: Scene, options: ColorOptions
+) -> Iterator[PhotoView | None]:
+    """The view of each photo, which is loaded while the one before is worked on; None where a
+    photo loads as None.
     """
-    views = (
+    return (
         photo_view(photo, camera, scene, options) if photo is not None else None
         for photo, camera in zip(ahead(load_photo, len(cameras)), cameras, strict=True)
     )
-    return project_views(points, views, len(cameras), options, scratch, progress)
 
 
 def views_ahead(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from texproj.camera import Camera
 from texproj.color.absolute import absolute_matrix, in_absolute
-from texproj.color.align import alignments, displaced, per_alignment, rough
+from texproj.color.align import Alignment, alignments, displaced, per_alignment, rough
 from texproj.color.atlas import Atlas
 from texproj.color.combine import blend
 from texproj.color.corrections import corrected, gains_of, grids_of
@@ -58,11 +58,7 @@ def color_texture(
     called once per photo; progress: called with photos done and photos in all.
     """
     options, unwrap_options = options or ColorOptions(), unwrap_options or UnwrapOptions()
-    found = None
-    if options.align:
-        first = color_texture(mesh, cameras, load_photo, renderer, rough(options), unwrap_options)
-        found = alignments(mesh, first, cameras, load_photo, renderer)
-        del first
+    found = found_alignments(mesh, cameras, load_photo, renderer, options)
     return_freed_memory()
     with opencv_in_one_thread(), closing(Scratch()) as scratch:
         with ThreadPoolExecutor(1) as beside:
@@ -88,6 +84,20 @@ def color_texture(
     quality = coverage(counts, sum(points.sizes)) | {"photos": per_photo(light, focus, share)}
     quality |= checker | {"lenses": per_lens(light)} | per_alignment(found)
     return Texture(atlas, tuple(pages), tuple(counts), quality)
+
+
+def found_alignments(
+    mesh: Mesh,
+    cameras: Sequence[Camera],
+    load_photo: LoadPhoto,
+    renderer: Renderer,
+    options: ColorOptions,
+) -> list[Alignment | None] | None:
+    """The displacements of all photos against a first coloring; None where they are not wanted."""
+    if not options.align:
+        return None
+    first = color_texture(mesh, cameras, load_photo, renderer, rough(options))
+    return alignments(mesh, first, cameras, load_photo, renderer)
 
 
 def bake(

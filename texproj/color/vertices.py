@@ -10,16 +10,18 @@ import numpy as np
 
 from texproj.camera import Camera
 from texproj.color.absolute import absolute_matrix, in_absolute
+from texproj.color.align import displaced, per_alignment
 from texproj.color.combine import blend
 from texproj.color.corrections import corrected, gains_of, grids_of
 from texproj.color.fill import fill_vertices
 from texproj.color.focus import distrusting, solve_focus
 from texproj.color.photometry import solve_photometry
 from texproj.color.points import VertexPoints
-from texproj.color.project import LoadPhoto, Progress, project_photos
+from texproj.color.project import LoadPhoto, Progress, project_views, views_in_turn
 from texproj.color.quality import coverage, per_lens, per_photo
 from texproj.color.result import VertexColors
 from texproj.color.scratch import Scratch
+from texproj.color.texture import found_alignments
 from texproj.color.threads import opencv_in_one_thread
 from texproj.mesh import Mesh
 from texproj.options import ColorOptions
@@ -40,15 +42,15 @@ def color_vertices(
     called once per photo; progress: called with photos done and photos in all.
     """
     options = options or ColorOptions()
+    found = found_alignments(mesh, cameras, load_photo, renderer, options)
     points = VertexPoints.of(mesh)
     rgb = np.zeros((len(mesh.vertices), 3), np.float32)
     weight = np.zeros(len(mesh.vertices), np.float32)
     count = np.zeros(len(mesh.vertices), np.uint16)
     share = np.zeros(len(cameras))
     with opencv_in_one_thread(), renderer.load(mesh) as scene, closing(Scratch()) as scratch:
-        spill, survey = project_photos(
-            points, cameras, load_photo, scene, options, scratch, progress
-        )
+        views = displaced(views_in_turn(cameras, load_photo, scene, options), found)
+        spill, survey = project_views(points, views, len(cameras), options, scratch, progress)
         light, focus = solve_photometry(survey, options), solve_focus(survey, options)
         light = replace(light, corrections=distrusting(light.corrections, focus))
         gains, grids = gains_of(light.corrections), grids_of(cameras, light.corrections)
@@ -61,5 +63,5 @@ def color_vertices(
             count[part] = result.photo_count
             share[stack.photos] += result.share
     quality = coverage([count], len(count)) | {"photos": per_photo(light, focus, share)}
-    quality |= checker | {"lenses": per_lens(light)}
+    quality |= checker | {"lenses": per_lens(light)} | per_alignment(found)
     return VertexColors(fill_vertices(mesh, rgb, weight > 0), weight, count, quality)
