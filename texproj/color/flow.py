@@ -59,7 +59,7 @@ def sure_flow(
 
 def flow(a: Floats, b: Floats) -> Floats:
     """(h, w, 2) dense inverse search (Kroeger et al. 2016): a[q] is seen at b[q + flow[q]]."""
-    finder = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+    finder = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
     finder.setFinestScale(1)
     return finder.calc(_as_bytes(a), _as_bytes(b), None)
 
@@ -89,7 +89,8 @@ def _averaged(shift: Floats, sure: NDArray[np.bool_]) -> tuple[Floats, Floats]:
     weight = sure.astype(np.float32)
     near = _blurred(weight, SMOOTH_PX)
     total = _blurred(shift * weight[..., None], SMOOTH_PX)
-    return total / np.maximum(near, np.float32(1e-6))[..., None], near
+    mean: Floats = total / (near + np.float32(1e-6))[..., None]
+    return mean, near
 
 
 def _deviation(light: Floats) -> Floats:
