@@ -353,3 +353,19 @@ def test_a_photo_without_info_can_be_inspected(scene):
 
     assert inspected(scene, shots)["weight"].shape == SIZE[::-1]
     assert PhotoInfo("a.jpg", 1, 1).exposure_ev is None
+
+
+def test_a_blurred_photo_gives_its_light_but_no_detail():
+    """Two sharp photos and a blurred one that alone has the right brightness around the points:
+    the color keeps the mean of all around and takes the detail of the sharp ones.
+    """
+    soft = np.array([0.5, 0.5, 0.56])[:, None]  # square roots of the light around
+    light = soft + np.array([0.1, 0.1, 0.0])[:, None]
+    rgb = np.repeat(light[:, None] ** 2, 3, axis=1).astype(np.float32)
+    around = (soft / light).astype(np.float32)
+    trust = np.array([[1], [1], [0.01]], np.float32)
+    stack = Stack(np.arange(3), rgb, trust.copy(), around, trust)
+
+    found = blend(stack, np.ones((3, 3), np.float32), ColorOptions(robust_scale=10)).rgb[0, 0]
+
+    assert abs(np.sqrt(found) - (soft.mean() + 0.1)) < 0.003

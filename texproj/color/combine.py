@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.color.bands import LUMINANCE, restored
+from texproj.color.bands import LUMINANCE, exchanged, restored
 from texproj.color.highlights import highlight_factor
 from texproj.color.points import Floats
 from texproj.color.spill import Stack
@@ -43,13 +43,14 @@ class Blend:
 class Views:
     """What p photos say about n points, brought to the same exposure.
 
-    rgb: (p, 3, n) float32 linear light; weight: (p, n) float32, 0 where unseen; around: see
+    rgb: (p, 3, n) float32 linear light; weight: (p, n) float32, 0 where unseen; around, trust: see
     `Stack`.
     """
 
     rgb: Floats
     weight: Floats
     around: Floats | None
+    trust: Floats | None = None
 
     @cached_property
     def light(self) -> Floats:
@@ -72,7 +73,8 @@ def blend(stack: Stack, gain: Floats, options: ColorOptions) -> Blend:
         color, weight = stack.rgb[:, :, part] * factor, stack.weight[:, part]
         if options.highlight:
             weight = weight * highlight_factor(color, weight, options.highlight)
-        views = Views(color, weight, around)
+        sharp = stack.trust if stack.trust is None else stack.trust[:, part]
+        views = Views(color, weight, around, sharp)
         trust, rgb[part] = METHODS[options.blend](views, options)
         share += trust.sum(axis=1)
     count = np.count_nonzero(stack.weight, axis=0).astype(np.uint16)
@@ -102,13 +104,20 @@ def best(views: Views, options: ColorOptions) -> tuple[Floats, Floats]:
 def multi_band(views: Views, options: ColorOptions) -> tuple[Floats, Floats]:
     """The average of what agrees in the light around the points, so that details that are a pixel
     apart disagree with nobody; then details get back the strength that they have in the photos.
+    What is blurred in a photo is missing in its detail only: the light around is as good as any.
     """
     if views.around is None:
         return robust(views, options)
     light = views.light
     soft = light * views.around
-    trust, rgb = mixed(views, agreeing(views, soft, options))
-    return trust, restored(rgb, trust, light - soft)
+    if views.trust is None:
+        trust, rgb = mixed(views, agreeing(views, soft, options))
+        return trust, restored(rgb, trust, light - soft)
+    anyhow = replace(views, weight=views.weight / views.trust)
+    trust, rgb = mixed(anyhow, agreeing(anyhow, soft, options))
+    sharp = trust * views.trust
+    sharp = sharp / np.maximum(sharp.sum(axis=0), TINY)
+    return trust, restored(exchanged(rgb, trust, sharp, light - soft), sharp, light - soft)
 
 
 METHODS: dict[str, Callable[[Views, ColorOptions], tuple[Floats, Floats]]] = {

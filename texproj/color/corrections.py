@@ -97,13 +97,17 @@ def corrected(
     if not any(grid for _, grid in chosen):
         return stack
     chunk, origin = points.chunk(number), points.owners.origin
-    out = replace(stack, rgb=stack.rgb.copy(), weight=stack.weight.copy())
+    out = replace(
+        stack, rgb=stack.rgb.copy(), weight=stack.weight.copy(), trust=np.ones_like(stack.weight)
+    )
+    assert out.trust is not None
     for row, grid in chosen:
         if grid is not None:
             light, trust = factors_at(chunk, origin, grid).T
             out.rgb[row] *= light
             out.weight[row] *= trust
-    return out
+            out.trust[row] = trust
+    return out if out.trust.min() < 1 else replace(out, trust=None)
 
 
 def factors_at(chunk: Chunk, origin: NDArray[np.float64], grid: Grid) -> Floats:

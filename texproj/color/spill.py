@@ -31,13 +31,15 @@ class Stack:
 
     photos: (p,) numbers of the photos that see some of it; rgb: (p, 3, n) float32 linear light,
     0 where unseen; weight: (p, n) float32, 0 where unseen; around: (p, n) float32 light around the
-    point against its own, as square roots, if it was sampled.
+    point against its own, as square roots, if it was sampled; trust: (p, n) float32 the part of
+    the weight that says how sharp the photo is there, None = 1.
     """
 
     photos: NDArray[np.intp]
     rgb: Floats
     weight: Floats
     around: Floats | None = None
+    trust: Floats | None = None
 
 
 class Spill:
