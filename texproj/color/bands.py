@@ -78,8 +78,9 @@ def restored(rgb: Floats, trust: Floats, detail: Floats) -> Floats:
     right: it is brought to the photos' root mean square as far as it stands above its own standard
     error, so that what is noise in each photo stays averaged out. Ours.
     """
-    mean = np.einsum("pn,pn->n", trust, detail)
-    power = np.einsum("pn,pn,pn->n", trust, detail, detail)
+    part = trust * detail
+    mean = part.sum(axis=0)
+    power = np.einsum("pn,pn->n", part, detail)
     parts = np.einsum("pn,pn->n", trust, trust)
     least = mean * mean + NOISE
     strength = np.sqrt(np.maximum(power / least, 1))

@@ -147,23 +147,21 @@ def agreeing(views: Views, light: Floats, options: ColorOptions) -> Floats:
     inverse = np.float32(1 / options.robust_scale**2)
     tints = [np.sqrt(views.rgb[:, channel]) - views.light for channel in (0, 2)]
     trust = np.sqrt(views.weight)
+    rest = np.empty_like(trust)
     for _ in range(ROUNDS):
-        apart = _squared(light - _center(trust, light))
+        trust /= np.maximum(trust.sum(axis=0), TINY)
+        apart = _squared_distance(trust, light, np.empty_like(trust))
         apart *= 3  # all three channels differ by that
         for tint in tints:
-            apart += _squared(tint - _center(trust, tint))
+            apart += _squared_distance(trust, tint, rest)
         apart *= inverse
         apart += 1
-        trust = base / apart
+        np.divide(base, apart, out=trust)
     return trust
 
 
-def _squared(values: Floats) -> Floats:
-    values *= values
-    return values
-
-
-def _center(trust: Floats, values: Floats) -> Floats:
-    """(n,) means of (p, n) values."""
-    center: Floats = np.einsum("pn,pn->n", trust, values)
-    return center / np.maximum(trust.sum(axis=0), TINY)
+def _squared_distance(trust: Floats, values: Floats, out: Floats) -> Floats:
+    """(p, n) squared differences to the mean by `trust`, which sums to 1, in `out`."""
+    np.subtract(values, np.einsum("pn,pn->n", trust, values), out=out)
+    out *= out
+    return out
