@@ -88,15 +88,19 @@ def _straightened(bent: Camera, factors: Floats) -> Grid:
 
 
 def corrected(
-    stack: Stack, points: PointSource, number: int, grids: Sequence[Grid | None]
+    stack: Stack,
+    points: PointSource,
+    number: int,
+    grids: Sequence[Grid | None],
+    rows: slice = slice(None),
 ) -> Stack:
-    """The samples of chunk `number` with the grids of their photos applied; gains are left to the
-    blending. Photos without a grid cost nothing.
+    """The samples of some rows of chunk `number` with the grids of their photos applied; gains are
+    left to the blending. Photos without a grid cost nothing.
     """
     chosen = [(row, grids[photo]) for row, photo in enumerate(stack.photos)]
     if not any(grid for _, grid in chosen):
         return stack
-    chunk, origin = points.chunk(number), points.owners.origin
+    chunk, origin = points.chunk(number).part(rows), points.owners.origin
     out = replace(
         stack, rgb=stack.rgb.copy(), weight=stack.weight.copy(), trust=np.ones_like(stack.weight)
     )

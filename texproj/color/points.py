@@ -45,6 +45,10 @@ class Chunk:
     def __len__(self) -> int:
         return len(self.xyz)
 
+    def part(self, rows: slice) -> Chunk:
+        """Consecutive ones of the points."""
+        return Chunk(self.xyz[rows], self.owner[rows])
+
     def take(self, rows: NDArray[np.intp]) -> Chunk:
         """Some of the points."""
         return Chunk(self.xyz.take(rows, axis=0), self.owner.take(rows))

@@ -6,7 +6,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from threading import Lock
+from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,6 +17,13 @@ from texproj.color.points import Floats
 from texproj.color.sample import WEIGHT_ONE, Samples
 from texproj.color.scratch import Scratch
 from texproj.color.view import WHITE
+
+Packed = NDArray[np.uint16]
+
+MOST_SAMPLES = 1 << 20
+"""Samples of one chunk that are in memory at once: 24 MB."""
+
+FEWEST_POINTS = 1 << 11
 
 
 @dataclass(frozen=True)
@@ -65,38 +74,55 @@ class Spill:
         with self._lock:
             self._records[chunk].append(record)
 
-    def read(self, chunk: int) -> Stack:
-        """Everything about `chunk`, densely."""
+    def pieces(self, chunk: int) -> list[slice]:
+        """Consecutive parts of a chunk of which no more than `MOST_SAMPLES` are known, or as few
+        points as `FEWEST_POINTS`.
+        """
+        size = max(MOST_SAMPLES // max(len(self._records[chunk]), 1), FEWEST_POINTS)
+        count = self.sizes[chunk]
+        return [slice(at, min(at + size, count)) for at in range(0, count, size)]
+
+    def read(self, chunk: int, rows: slice | None = None) -> Stack:
+        """Everything about `chunk`, or about some of its points, densely."""
+        rows = rows or slice(0, self.sizes[chunk])
         records = sorted(self._records[chunk], key=lambda record: record.photo)
         photos = np.array([record.photo for record in records], np.intp)
-        rgb = np.zeros((len(records), 3, self.sizes[chunk]), np.float32)
-        weight = np.zeros((len(records), self.sizes[chunk]), np.float32)
-        around = np.zeros_like(weight) if records and records[0].around else None
+        count = rows.stop - rows.start
+        rgb = np.empty((len(records), 3, count), np.float32)
+        weight = np.empty((len(records), count), np.float32)
+        around = np.empty_like(weight) if records and records[0].around else None
         for row, record in enumerate(records):
-            values, ratio = self._load(record, self.sizes[chunk])
-            np.multiply(values.T[:3], np.float32(1 / WHITE), out=rgb[row])
-            np.multiply(values.T[3], np.float32(1 / WEIGHT_ONE), out=weight[row])
+            packed, ratio = self._load(record, self.sizes[chunk], rows)
+            *colors, weights = cv2.split(packed)
+            for channel, color in enumerate(colors):
+                np.multiply(color[:, 0], np.float32(1 / WHITE), out=rgb[row, channel])
+            np.multiply(weights[:, 0], np.float32(1 / WEIGHT_ONE), out=weight[row])
             if around is not None and ratio is not None:
                 np.multiply(ratio, np.float32(1 / AROUND_ONE), out=around[row])
         return Stack(photos, rgb, weight, around)
 
-    def _load(
-        self, record: _Record, points: int
-    ) -> tuple[NDArray[np.uint16], NDArray[np.uint16] | None]:
-        """(n, 4) values of a record and (n,) light around the points, 0 where unseen."""
-        bits, count = -(-points // 8), record.count
-        data = self._scratch.read(record.start, bits + (10 if record.around else 8) * count)
-        packed = np.frombuffer(data, np.uint16, 4 * count, bits).reshape(-1, 4)
+    def _load(self, record: _Record, points: int, rows: slice) -> tuple[Packed, Packed | None]:
+        """(n, 1, 4) values of a record and (n,) light around the points, 0 where unseen."""
+        bits = np.frombuffer(self._scratch.read(record.start, -(-points // 8)), np.uint8)
+        seen = np.unpackbits(bits, count=points).view(bool)
+        first = int(np.count_nonzero(seen[: rows.start]))
+        where = np.flatnonzero(seen[rows])
+        start = record.start + len(bits)
+        packed = self._part(start, 8, first, len(where)).view(np.uint64)
         ratio = None
         if record.around:
-            ratio = np.frombuffer(data, np.uint16, count, bits + 8 * count)
-        if count == points:
-            return packed, ratio
-        seen = np.unpackbits(np.frombuffer(data, np.uint8, bits), count=points).view(bool)
-        dense = np.zeros((points, 4), np.uint16)
-        dense.view(np.uint64)[seen, 0] = packed.copy().view(np.uint64)[:, 0]
-        if ratio is None:
-            return dense, None
-        full = np.zeros(points, np.uint16)
-        full[seen] = ratio
-        return dense, full
+            ratio = self._part(start + 8 * record.count, 2, first, len(where))
+        if len(where) < rows.stop - rows.start:
+            packed = _spread(packed, where, rows)
+            ratio = None if ratio is None else _spread(ratio, where, rows)
+        return packed.view(np.uint16).reshape(-1, 1, 4), ratio
+
+    def _part(self, start: int, size: int, first: int, count: int) -> Packed:
+        data = self._scratch.read(start + size * first, size * count)
+        return np.frombuffer(data, np.uint16)
+
+
+def _spread(values: NDArray[Any], where: NDArray[np.intp], rows: slice) -> NDArray[Any]:
+    out = np.zeros(rows.stop - rows.start, values.dtype)
+    out[where] = values
+    return out

@@ -15,8 +15,8 @@ from texproj.camera import Camera
 from texproj.color.absolute import absolute_matrix, in_absolute
 from texproj.color.align import Alignment, alignments, displaced, per_alignment, rough
 from texproj.color.atlas import Atlas
-from texproj.color.combine import blend
-from texproj.color.corrections import corrected, gains_of, grids_of
+from texproj.color.blending import blend_chunk
+from texproj.color.corrections import gains_of, grids_of
 from texproj.color.density import texels_per_unit
 from texproj.color.depths import Depths
 from texproj.color.flatten import Regions
@@ -116,18 +116,17 @@ def bake(
     pages = [np.zeros((h, w, 3), kind) for w, h in atlas.page_sizes]
     counts = [np.zeros((h, w), np.uint8) for w, h in atlas.page_sizes]
     gains, grids = gains_of(light.corrections), grids_of(cameras, light.corrections)
-    share = np.zeros(len(gains))
+    shares: list[NDArray[np.float64]] = []
 
     def one(number: int) -> None:
-        stack = corrected(spill.read(number), points, number, grids)
-        result = blend(stack, gains, options)
+        result = blend_chunk(spill, points, number, gains, grids, options)
         page = points.tiles[number].page
         points.place(number, pages[page], encoded(in_absolute(result.rgb, absolute), options.bits))
         points.place(number, counts[page], np.minimum(result.photo_count, 255).astype(np.uint8))
-        np.add.at(share, stack.photos, result.share)
+        shares.append(result.share)
 
     in_parallel(one, range(len(points.tiles)))
-    return pages, counts, share
+    return pages, counts, np.sum(shares, axis=0)
 
 
 def encoded(rgb: Floats, bits: int) -> NDArray[Any]:

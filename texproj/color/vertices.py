@@ -11,8 +11,8 @@ import numpy as np
 from texproj.camera import Camera
 from texproj.color.absolute import absolute_matrix, in_absolute
 from texproj.color.align import displaced, per_alignment
-from texproj.color.combine import blend
-from texproj.color.corrections import corrected, gains_of, grids_of
+from texproj.color.blending import blend_chunk
+from texproj.color.corrections import gains_of, grids_of
 from texproj.color.fill import fill_vertices
 from texproj.color.focus import distrusting, solve_focus
 from texproj.color.photometry import solve_photometry
@@ -57,11 +57,10 @@ def color_vertices(
         absolute, checker = absolute_matrix(options, survey, light)
         for chunk in range(len(points.sizes)):
             part = points.rows(chunk)
-            stack = corrected(spill.read(chunk), points, chunk, grids)
-            result = blend(stack, gains, options)
+            result = blend_chunk(spill, points, chunk, gains, grids, options)
             rgb[part], weight[part] = in_absolute(result.rgb, absolute), result.weight
             count[part] = result.photo_count
-            share[stack.photos] += result.share
+            share += result.share
     quality = coverage([count], len(count)) | {"photos": per_photo(light, focus, share)}
     quality |= checker | {"lenses": per_lens(light)} | per_alignment(found)
     return VertexColors(fill_vertices(mesh, rgb, weight > 0), weight, count, quality)
