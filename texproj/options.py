@@ -77,9 +77,9 @@ class ColorOptions:
     dark_weight: Fraction = 0.2
     """Weight of samples where the photo is hardly above black; 1 = as good as any."""
 
-    focus_power: Annotated[float, Field(ge=0, le=8)] = 1.0
+    focus_power: Annotated[float, Field(ge=0, le=8)] = 2.0
     """How strongly blurred parts of photos are distrusted: the power of their energy of fine detail
-    against that of the other photos; 0 = not looked at."""
+    against that of the other photos; 0 = not looked at. By "multi-band" only in their detail."""
 
     highlight: Annotated[float, Field(ge=0, le=100)] = 0.0
     """How strongly a photo is distrusted where it shows a highlight: brighter than most others, by
