@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from texproj.camera import Camera
 from texproj.color.points import VertexPoints
+from texproj.color.prepare import photo_view
 from texproj.color.sample import sample
 from texproj.color.sight import sight_of
-from texproj.color.prepare import photo_view
 from texproj.photo import Photo
 from texproj.stages.bench import Workbench
 

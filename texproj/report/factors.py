@@ -51,7 +51,9 @@ def factor_sheet(
 def _colored(picture: Image, values: NDArray[np.float32]) -> Image:
     """The values' colors over the photo in gray; outside of the mesh the dimmed photo."""
     size = (picture.shape[1], picture.shape[0])
-    on_mesh = cv2.resize(np.isfinite(values) * np.uint8(1), size, interpolation=cv2.INTER_NEAREST) > 0
+    on_mesh = (
+        cv2.resize(np.isfinite(values) * np.uint8(1), size, interpolation=cv2.INTER_NEAREST) > 0
+    )
     small = cv2.resize(np.nan_to_num(values), size, interpolation=cv2.INTER_NEAREST)
     gray = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)[..., None].astype(np.float32)
     light = (1 - PHOTO_LEFT) * _ramp(small) + PHOTO_LEFT * gray
