@@ -30,7 +30,7 @@ from texproj.stages.progress import Progress, silent
 from texproj.stages.writing import output_plan, write_texture, write_vertices
 
 STAGE = "color"
-VERSION = 1
+VERSION = 2
 Write = Callable[[Path], tuple[str, ...]]
 SECTIONS = ("color", "unwrap", "patches", "output", "render")
 
