@@ -1,14 +1,12 @@
-"""Views of photos on their way to the surface: made ahead, parked, blind ones."""
+"""Views of photos on their way to the surface: made ahead, blind ones."""
 
 import numpy as np
 import pytest
 from color_scenes import camera, picture, plane
 
-from texproj.color.parking import ParkedView
-from texproj.color.prepare import photo_view
 from texproj.color.texture import color_texture
 from texproj.color.threads import ahead
-from texproj.options import ColorOptions, RenderOptions
+from texproj.options import RenderOptions
 from texproj.render import open_renderer
 
 BEHIND = (0.3, 0.2, -3.0)
@@ -29,20 +27,6 @@ def test_a_photo_that_sees_nothing_adds_nothing(renderer, centers):
     assert (texture.quality["seen"] > 0.9) == (len(centers) > 1)
     shares = [entry["share"] for entry in texture.quality["photos"]]
     assert shares[centers.index(BEHIND)] == 0
-
-
-def test_a_parked_view_comes_back_as_it_was(renderer):
-    """Images, camera and lens of a view survive the disk."""
-    bent = camera((0.3, 0.2, 3.0), dist=(-0.1, 0.02, 0.0, 0.0, 0.0))
-    with renderer.load(plane()) as scene:
-        view = photo_view(picture(bent), bent, scene, ColorOptions())
-    back = ParkedView(view).take()
-    assert back.camera == view.camera and back.info == view.info
-    np.testing.assert_array_equal(back.depth, view.depth)
-    np.testing.assert_array_equal(back.trust, view.trust)
-    np.testing.assert_array_equal(back.lens, view.lens)
-    for mine, other in zip(back.levels, view.levels, strict=True):
-        np.testing.assert_array_equal(mine, other)
 
 
 def test_a_renderer_works_after_a_rest(renderer):

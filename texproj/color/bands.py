@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.color.lookup import rescaled, taken
+from texproj.color.lookup import by_level, rescaled
 from texproj.color.points import Floats
 from texproj.color.view import PhotoView, linear16
 
@@ -46,23 +46,16 @@ def light_around(
     rgb: (rows, ROW, 3) colors read at `xy_px`, each from its pyramid level, as by `read_colors`.
     A ratio stays the same whatever factor the photo is corrected by.
     """
-    soft = np.empty(xy_px.shape[:2], np.float32)
-    if level is None:
-        soft = _read(view, xy_px, 0)
-    else:
-        for number in np.flatnonzero(np.bincount(level)):
-            chosen = np.flatnonzero(level == number)
-            values = _read(view, taken(xy_px, chosen), int(number))
-            soft.reshape(-1)[chosen] = values.reshape(-1)[: len(chosen)]
+
+    def read(maps: Floats, number: int) -> Floats:
+        image = view.soft[number]
+        maps = rescaled(maps, image.shape, view.camera)
+        return cv2.remap(image, maps, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+
+    soft = by_level(read, xy_px, level)
     own = np.maximum(_root_light(rgb), np.float32(1))
     ratio: NDArray[np.uint16] = cv2.divide(soft, own, scale=AROUND_ONE, dtype=cv2.CV_16U)
     return ratio.reshape(-1)
-
-
-def _read(view: PhotoView, xy_px: Floats, number: int) -> Floats:
-    image = view.soft[number]
-    maps = rescaled(xy_px, image.shape, view.camera)
-    return cv2.remap(image, maps, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
 
 
 def _root_light(rgb: NDArray[np.uint16]) -> Floats:

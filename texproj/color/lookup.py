@@ -4,6 +4,9 @@ is (0, 0), half a pixel off everything outside of this module.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -72,19 +75,31 @@ def read_colors(view: PhotoView, xy_px: Floats, level: NDArray[np.int8] | None) 
     """(rows, ROW, 3) linear colors at full-size positions, each from its pyramid level; all from
     the first where `level` is None.
     """
-    if level is None:
-        return _read(view, xy_px, 0)
-    rgb = np.empty((*xy_px.shape[:2], 3), np.uint16)
-    flat = rgb.reshape(-1, 3)
-    for number in np.flatnonzero(np.bincount(level)):
-        chosen = np.flatnonzero(level == number)
-        if len(chosen) == len(level):
-            return _read(view, xy_px, int(number))
-        flat[chosen] = _read(view, taken(xy_px, chosen), int(number)).reshape(-1, 3)[: len(chosen)]
-    return rgb
+
+    def read(maps: Floats, number: int) -> Colors:
+        image = view.levels[number]
+        maps = maps if number == 0 else rescaled(maps, image.shape, view.camera)
+        border = cv2.BORDER_REPLICATE
+        return linear16(cv2.remap(image, maps, None, cv2.INTER_CUBIC, borderMode=border))
+
+    return by_level(read, xy_px, level)
 
 
-def _read(view: PhotoView, xy_px: Floats, number: int) -> Colors:
-    image = view.levels[number]
-    maps = xy_px if number == 0 else rescaled(xy_px, image.shape, view.camera)
-    return linear16(cv2.remap(image, maps, None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE))
+def by_level(
+    read: Callable[[Floats, int], NDArray[Any]], xy_px: Floats, level: NDArray[np.int8] | None
+) -> NDArray[Any]:
+    """(rows, ROW, ...) what `read` finds at full-size positions in the pyramid level of each: all
+    in the one that most have, then the others in theirs.
+    """
+    if level is None or not level.any():
+        return read(xy_px, 0)
+    count = np.bincount(level)
+    usual = int(count.argmax())
+    values = read(xy_px, usual)
+    flat = values.reshape(-1, *values.shape[2:])
+    for number in np.flatnonzero(count):
+        if number != usual:
+            chosen = np.flatnonzero(level == number)
+            found = read(taken(xy_px, chosen), int(number))
+            flat[chosen] = found.reshape(-1, *values.shape[2:])[: len(chosen)]
+    return values

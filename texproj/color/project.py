@@ -7,7 +7,6 @@ from concurrent.futures import ThreadPoolExecutor
 
 from texproj.camera import Camera
 from texproj.color.depths import Depths
-from texproj.color.parking import ParkedView
 from texproj.color.points import PointSource
 from texproj.color.prepare import photo_view, view_of
 from texproj.color.sample import sample
@@ -22,9 +21,6 @@ from texproj.photo import Photo
 from texproj.render import Scene
 
 __all__ = ["LoadPhoto", "Progress", "add_photo", "project_views", "views_ahead", "views_in_turn"]
-
-PARKED = 8
-"""Views that are made ahead, while the surface is being unwrapped."""
 
 LoadPhoto = Callable[[int], Photo | None]
 Progress = Callable[[int, int], None]
@@ -45,18 +41,15 @@ def views_in_turn(
 def views_ahead(
     cameras: Sequence[Camera], load_photo: LoadPhoto, depths: Depths, options: ColorOptions
 ) -> Iterator[PhotoView | None]:
-    """The view of each photo, `PARKED` of them made ahead of time and parked on disk; None where a
-    photo loads as None.
-    """
+    """The view of each photo, one of them ahead of time; None where a photo loads as None."""
 
-    def make(number: int) -> ParkedView | None:
+    def make(number: int) -> PhotoView | None:
         photo = load_photo(number)
         if photo is None:
             return None
-        return ParkedView(view_of(photo, cameras[number], *depths.read(number), options))
+        return view_of(photo, cameras[number], *depths.read(number), options)
 
-    views = ahead(make, len(cameras), PARKED)
-    return (None if parked is None else parked.take() for parked in views)
+    return ahead(make, len(cameras))
 
 
 def project_views(

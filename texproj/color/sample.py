@@ -17,6 +17,10 @@ from texproj.color.view import PhotoView
 WEIGHT_ONE = 65535
 """The 16-bit value of weight 1; a weight above zero is stored as at least 1."""
 
+MOSTLY = 0.8
+"""Part of a chunk that must face the photo for the rest not to be sorted out first: that costs
+more than to look up a few in vain."""
+
 
 @dataclass(frozen=True, eq=False)
 class Samples:
@@ -44,31 +48,38 @@ class Samples:
 def sample(chunk: Chunk, sight: Sight, view: PhotoView) -> Samples | None:
     """The photo's color at every point that it sees with a weight above zero; None if none."""
     weight = sight.weight.take(chunk.owner)
-    facing = np.flatnonzero(weight)
-    if len(facing) == 0:
-        return None
-    if len(facing) == 0:
+    facing = weight > 0
+    count = np.count_nonzero(facing)
+    if count == 0:
         return None
     part = chunk
-    if len(facing) < len(chunk):
-        part, weight = chunk.take(facing), weight.take(facing)
+    if sparse := count < MOSTLY * len(chunk):
+        rows = np.flatnonzero(facing)
+        part, weight = chunk.take(rows), weight.take(rows)
     xy_px = project(part, weight, sight, view)
-    seen = np.flatnonzero(weight)
-    if len(seen) == 0:
+    seen, owner = weight > 0, part.owner
+    count = np.count_nonzero(seen)
+    if count == 0:
         return None
-    if len(seen) < len(part):
-        xy_px, weight = taken(xy_px, seen), weight.take(seen)
-        facing = facing.take(seen)
-    level = sight.level.take(part.owner.take(seen)) if sight.level.any() else None
+    if count < len(part):
+        kept = np.flatnonzero(seen)
+        xy_px, weight, owner = taken(xy_px, kept), weight.take(kept), owner.take(kept)
+    level = sight.level.take(owner) if sight.level.any() else None
     rgb = read_colors(view, xy_px, level)
+    around = light_around(view, rgb, xy_px, level)[:count] if view.soft else None
+    if sparse:
+        facing[facing] = seen
+        seen = facing
+    return Samples(seen, with_weight(rgb, weight), around)
+
+
+def with_weight(rgb: NDArray[np.uint16], weight: Floats) -> NDArray[np.uint16]:
+    """(n, 4) the first n colors of (rows, ROW, 3), each with its weight (n,)."""
     packed = np.empty((*rgb.shape[:2], 4), np.uint16)
     cv2.mixChannels([rgb], [packed], [0, 0, 1, 1, 2, 2])
-    packed = packed.reshape(-1, 4)[: len(seen)]
+    packed = packed.reshape(-1, 4)[: len(weight)]
     np.maximum(weight * np.float32(WEIGHT_ONE), 1, out=packed[:, 3], casting="unsafe")
-    mask = np.zeros(len(chunk), bool)
-    mask[facing] = True
-    around = light_around(view, rgb, xy_px, level)[: len(seen)] if view.soft else None
-    return Samples(mask, packed, around)
+    return packed
 
 
 def project(chunk: Chunk, weight: Floats, sight: Sight, view: PhotoView) -> Floats:
