@@ -166,8 +166,8 @@ class PatchOptions:
     """How the surface is divided among the photos for `--to patches`."""
 
     seam_px: Annotated[float, Field(ge=0, le=1000)] = 8.0
-    """What a seam costs: as much as a strip of so many pixels in a photo that is plainly wrong; half
-    of it where all photos agree, several times where they do not."""
+    """What a seam costs: as much as a strip of so many pixels in a photo that is plainly wrong;
+    half of it where all photos agree, several times where they do not."""
 
     resolution: Annotated[float, Field(ge=0, le=10)] = 0.02
     """What it costs to halve the number of pixels on the surface; 1 = as much as a wrong photo."""
