@@ -91,6 +91,6 @@ def exchanged(rgb: Floats, trust: Floats, sharp: Floats, detail: Floats) -> Floa
 
 def lit(rgb: Floats, extra: Floats) -> Floats:
     """(n, 3) colors with so much more light, (n,) in square roots."""
-    light = np.sqrt(rgb @ LUMINANCE)
+    light = np.sqrt(np.einsum("nc,c->n", rgb, LUMINANCE))
     factor = 1 + extra / np.maximum(light, np.float32(0.02))
     return rgb * np.square(np.clip(factor, 0.5, 2))[:, None]

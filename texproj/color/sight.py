@@ -85,7 +85,8 @@ def facing(owners: Owners, camera: Camera) -> Floats:
 def resolution(owners: Owners, camera: Camera) -> Floats:
     """(k,) pixels of the photo per point along a line, seen frontally; 0 behind the camera."""
     axis = camera.pose.R[2].astype(np.float32)
-    depth = owners.center @ axis + np.float32(camera.pose.apply(owners.origin[None])[0, 2])
+    depth = np.einsum("kc,c->k", owners.center, axis)  # a product would wake every thread of BLAS
+    depth += np.float32(camera.pose.apply(owners.origin[None])[0, 2])
     focal = np.float32(np.sqrt(camera.intrinsics.fx * camera.intrinsics.fy))
     pixels = focal * owners.spacing / np.where(depth > 0, depth, np.float32(np.inf))
     return pixels.astype(np.float32)
