@@ -2,11 +2,15 @@
 
 import numpy as np
 import pytest
-from color_scenes import camera, picture, plane
+from color_scenes import camera, joined, moved, picture, plane
 
+from texproj.color.absolute import with_checker
+from texproj.color.align import rough
+from texproj.color.checker import Checker
 from texproj.color.texture import color_texture
 from texproj.color.threads import ahead
-from texproj.options import RenderOptions
+from texproj.options import ColorOptions, RenderOptions
+from texproj.photo import PhotoInfo
 from texproj.render import open_renderer
 
 BEHIND = (0.3, 0.2, -3.0)
@@ -71,3 +75,24 @@ def test_ahead_stops_at_the_first_failure():
             got.append(number)
     assert got == [0, 1]
     assert len(made) < 10
+
+
+@pytest.mark.parametrize("vignetting", ["auto", "on"])
+def test_photos_that_share_nothing_are_colored(renderer, vignetting):
+    """Photos of one lens that show different things have no common light: no failure."""
+    places = (0.0, 8.0, 16.0)
+    mesh = joined(*(moved(plane(), (x, 0, 0)) for x in places))
+    cameras = [camera((0.2, 0.1, 3.0), offset=(x, 0, 0)) for x in places]
+    photos = [picture(c) for c in cameras]
+    options = ColorOptions(vignetting=vignetting)
+    texture = color_texture(mesh, cameras, lambda i: photos[i], renderer, options)
+    assert texture.quality["seen"] > 0.9
+    assert not any(lens["corrected"] for lens in texture.quality["lenses"])
+
+
+def test_the_coloring_to_compare_with_knows_no_chart():
+    """A chart's matrix does not saturate what photos are aligned with."""
+    chart = Checker(
+        np.eye(3) * 4, PhotoInfo("chart.jpg", 10, 10), np.ones(24), np.ones(24), np.ones(24), 1.0
+    )
+    assert rough(with_checker(ColorOptions(), chart)).found is None

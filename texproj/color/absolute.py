@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import cv2
@@ -28,6 +28,11 @@ class CheckedOptions(ColorOptions):
 def with_checker(options: ColorOptions, checker: Checker) -> ColorOptions:
     """The options, with a chart that makes the colors absolute."""
     return CheckedOptions(**asdict(options), found=checker)
+
+
+def without_checker(options: ColorOptions) -> ColorOptions:
+    """The options for colors as the photos have them."""
+    return replace(options, found=None) if isinstance(options, CheckedOptions) else options
 
 
 def absolute_matrix(

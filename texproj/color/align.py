@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.camera import Camera
+from texproj.color.absolute import without_checker
 from texproj.color.flow import sure_flow
 from texproj.color.points import Floats
 from texproj.color.result import Texture
@@ -40,6 +41,10 @@ ROUGH = 0.5
 """Texels per pixel of the first coloring, against that of the result."""
 
 
+KEPT = 4
+"""Pixels of the compared picture per pixel of the displacement that is kept: it is smooth."""
+
+
 @dataclass(frozen=True, eq=False)
 class Alignment:
     """Where a photo shows the surface, against where its camera says.
@@ -57,9 +62,8 @@ class Alignment:
 def rough(options: ColorOptions) -> ColorOptions:
     """The options of the coloring against which photos are compared."""
     density = options.texels_per_pixel * ROUGH
-    return replace(
-        options, align=False, blend="robust", texels_per_pixel=density, bits=8, checker=None
-    )
+    plain = without_checker(options)
+    return replace(plain, align=False, blend="robust", texels_per_pixel=density, bits=8)
 
 
 def alignments(
@@ -88,8 +92,10 @@ def alignment(photo: Photo, camera: Camera, model: TexturedMesh, renderer: Rende
     render = render_model(renderer, model, camera.resized(*size), samples=1)
     small = photo.resized(*size)
     solid = render[..., 3] == 255
+    if small.mask is not None:
+        solid &= small.mask > 0
     there = light_of(render[..., :3])
-    here = light_of(Photo(small.info, small.pixels).pixels)
+    here = light_of(small.pixels)
     largest = max(LEAST_PX, LARGEST * float(np.hypot(*size)))
     shift, sure = sure_flow(here, np.where(solid, there, here), solid, largest)
     scale = np.array([photo.width / size[0], photo.height / size[1]], np.float32)
@@ -100,15 +106,16 @@ def light_of(pixels: NDArray[Any]) -> Floats:
     """(h, w) float32 luma of sRGB uint8 or the square root of linear light."""
     if pixels.dtype == np.uint8:
         return cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY).astype(np.float32) / np.float32(255)
-    scale = np.float32(1 / 60000.0) if pixels.dtype == np.uint16 else np.float32(1)
-    linear = cv2.cvtColor(pixels.astype(np.float32) * scale, cv2.COLOR_RGB2GRAY)
+    linear = cv2.cvtColor(pixels.astype(np.float32), cv2.COLOR_RGB2GRAY)
     return np.sqrt(np.clip(linear, 0, 1))
 
 
 def _described(shift: Floats, sure: NDArray[np.bool_], solid: NDArray[np.bool_]) -> Alignment:
     length = np.linalg.norm(shift[sure], axis=1) if sure.any() else np.zeros(1)
     share = float(sure.sum() / max(float(solid.sum()), 1.0))
-    return Alignment(shift, float(np.median(length)), float(length.max()), share)
+    size = tuple(max(2, -(-side // KEPT)) for side in shift.shape[1::-1])
+    kept = cv2.resize(shift, size, interpolation=cv2.INTER_AREA)
+    return Alignment(kept, float(np.median(length)), float(length.max()), share)
 
 
 def as_model(mesh: Mesh, texture: Texture) -> TexturedMesh:

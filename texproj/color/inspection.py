@@ -90,11 +90,13 @@ def photo_factors(
     for number, factors in found.items():
         parts = []
         for k in wanted[number]:
-            stack = corrected(spill.read(k), job.points, k, grids)
-            trust = picture_at(
-                focus[number].trust, job.cameras[number], job.points, job.points.chunk(k)
-            )
-            parts.append({"focus": trust, **shared_factors(stack, number, gains, job.options)})
+            chunk = job.points.chunk(k)
+            for rows in spill.pieces(k):
+                stack = corrected(spill.read(k, rows), job.points, k, grids, rows)
+                trust = picture_at(
+                    focus[number].trust, job.cameras[number], job.points, chunk.part(rows)
+                )
+                parts.append({"focus": trust, **shared_factors(stack, number, gains, job.options)})
         factors |= {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
     return {number: {k: v[k] for k in FACTORS if k in v} for number, v in found.items()}
 

@@ -48,16 +48,14 @@ class LightFit:
 
     log_gain: (p, 3) that makes the photos agree; log_light: (L, POWERS) coefficients of the light
     of each lens, a polynomial in the squared radius without a constant; scatter: (L, POWERS,
-    POWERS) covariance of these; residual, weight: (m,) mean absolute log difference of each
-    observation to its point, and its robust weight; exposure_off: (p,) log gain against what EXIF
-    says, NaN where it says nothing.
+    POWERS) covariance of these; residual: (m,) mean absolute log difference of each observation
+    to its point; exposure_off: (p,) log gain against what EXIF says, NaN where it says nothing.
     """
 
     log_gain: Doubles
     log_light: Doubles
     scatter: Doubles
     residual: Doubles
-    weight: Doubles
     exposure_off: Doubles
 
 
@@ -221,7 +219,7 @@ def solve_light(seen: Overlaps, lens: NDArray[np.intp], log_exposure: Doubles) -
     scatter = _scatter(equations, weight, noise, priors)
     off = priors.off(log_gain.mean(axis=1))
     log_gain = log_gain - equations.level(log_gain, log_light, np.isfinite(log_exposure))
-    return LightFit(log_gain, log_light, scatter, residual, weight, off)
+    return LightFit(log_gain, log_light, scatter, residual, off)
 
 
 def _solved(equations: _Equations, weight: Doubles, noise: float, priors: _Priors) -> Doubles:

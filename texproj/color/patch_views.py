@@ -24,7 +24,11 @@ BARYCENTRIC /= BARYCENTRIC.sum(axis=1, keepdims=True)
 """Where a face is looked at: in the middle and close to its corners, but surely on it."""
 
 SAMPLES = len(BARYCENTRIC)
-FACES = CHUNK // SAMPLES
+
+FEW = 16
+"""Photos up to which a chunk holds `points.CHUNK` points."""
+
+FEWEST_FACES = 512
 
 ROUNDS = 4
 """Rounds of the robust mean; it starts at the median."""
@@ -35,30 +39,33 @@ FEWEST = 3
 
 @dataclass(frozen=True, eq=False)
 class FacePoints:
-    """`SAMPLES` points of each face; a chunk holds the first point of its faces, then the second
-    of each, and so on. Each point stands for its part of the face.
+    """`SAMPLES` points of each face; a chunk holds the first point of its `per_chunk` faces, then
+    the second of each, and so on. Each point stands for its part of the face.
     """
 
     owners: Owners
     corners: Floats
+    per_chunk: int
 
     @classmethod
-    def of(cls, mesh: Mesh) -> FacePoints:
-        """All faces of the mesh."""
+    def of(cls, mesh: Mesh, photos: int) -> FacePoints:
+        """All faces of the mesh; the more photos there are, the fewer in a chunk."""
         corners = (mesh.vertices - mesh.center)[mesh.faces].astype(np.float32)
         spacing = np.sqrt(face_areas(mesh) / SAMPLES).astype(np.float32)
         normals = face_normals(mesh).astype(np.float32)
-        return cls(Owners(mesh.center, corners.mean(axis=1), normals, spacing), corners)
+        owners = Owners(mesh.center, corners.mean(axis=1), normals, spacing)
+        return cls(owners, corners, max(CHUNK // SAMPLES * FEW // max(photos, FEW), FEWEST_FACES))
 
     @property
     def sizes(self) -> list[int]:
         count = len(self.corners)
-        return [SAMPLES * min(FACES, count - start) for start in range(0, count, FACES)]
+        step = self.per_chunk
+        return [SAMPLES * min(step, count - start) for start in range(0, count, step)]
 
     def faces(self, number: int) -> slice:
         """The faces of a chunk."""
-        start = number * FACES
-        return slice(start, min(start + FACES, len(self.corners)))
+        start = number * self.per_chunk
+        return slice(start, min(start + self.per_chunk, len(self.corners)))
 
     def chunk(self, number: int) -> Chunk:
         faces = self.faces(number)
@@ -90,14 +97,12 @@ class FaceViews:
         """(F,) faces that some photo shows as a whole."""
         return self.photo[:, 0] >= 0
 
-    def cost_of(self, photo: int) -> Floats:
-        """(F,) cost of one photo, inf where it must not be used."""
-        return np.where(self.photo == photo, self.cost, np.float32(np.inf)).min(axis=1)
-
 
 def survey_options(options: ColorOptions) -> ColorOptions:
-    """Samples of faces are weighted by the picture alone; angle and density come later."""
-    return replace(options, angle_power=0.0, density_power=0.0)
+    """Samples of faces are weighted by the picture alone; angle and density come later, focus and
+    bands of detail do not matter for patches.
+    """
+    return replace(options, angle_power=0.0, density_power=0.0, focus_power=0.0, blend="robust")
 
 
 def face_views(

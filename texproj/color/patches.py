@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -76,7 +76,7 @@ def color_patches(
     with opencv_in_one_thread(), closing(Scratch()) as scratch:
         with renderer.load(mesh) as scene:
             depths = Depths.of(cameras, scene, survey, scratch)
-        shots = Shots(cameras, load_photo, depths, settings.color)
+        shots = Shots(cameras, load_photo, depths, replace(settings.color, blend="robust"))
         views, light, absolute, checker = _surveyed(mesh, shots, settings, scratch, steps)
         trim()
         graph = dual_graph(mesh)
@@ -101,7 +101,7 @@ def _surveyed(
     """What the photos show of each face; their light; the matrix to absolute color, if any, and
     what to report of it.
     """
-    survey, points = survey_options(settings.color), FacePoints.of(mesh)
+    survey, points = survey_options(settings.color), FacePoints.of(mesh, len(shots.cameras))
     shown = views_ahead(shots.cameras, shots.load_photo, shots.depths, survey)
     count = len(shots.cameras)
     spill, evidence = project_views(points, shown, count, survey, scratch, steps.first)

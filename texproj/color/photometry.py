@@ -54,7 +54,7 @@ def _fitted(
     exposure, none = log_exposure(survey), np.full(len(survey.shots), -1)
     straight = solve_light(seen, none, exposure)
     lens = none if options.vignetting == "off" else lenses_of(survey.shots)
-    if lens.max(initial=-1) < 0:
+    if lens.max(initial=-1) < 0 or not len(seen.photo):
         return straight, []
     bent = solve_light(seen, lens, exposure)
     lights = lens_lights(seen, lens, bent, straight, options.vignetting == "auto")

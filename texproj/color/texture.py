@@ -116,17 +116,17 @@ def bake(
     pages = [np.zeros((h, w, 3), kind) for w, h in atlas.page_sizes]
     counts = [np.zeros((h, w), np.uint8) for w, h in atlas.page_sizes]
     gains, grids = gains_of(light.corrections), grids_of(cameras, light.corrections)
-    shares: list[NDArray[np.float64]] = []
+    shares = np.zeros((len(points.tiles), len(gains)))
 
     def one(number: int) -> None:
         result = blend_chunk(spill, points, number, gains, grids, options)
         page = points.tiles[number].page
         points.place(number, pages[page], encoded(in_absolute(result.rgb, absolute), options.bits))
         points.place(number, counts[page], np.minimum(result.photo_count, 255).astype(np.uint8))
-        shares.append(result.share)
+        shares[number] = result.share
 
     in_parallel(one, range(len(points.tiles)))
-    return pages, counts, np.sum(shares, axis=0)
+    return pages, counts, shares.sum(axis=0)
 
 
 def encoded(rgb: Floats, bits: int) -> NDArray[Any]:

@@ -23,6 +23,10 @@ of each photo alone leaves."""
 FEWEST = 3
 """Photos of a lens from which on it is looked at: with fewer it cannot be checked."""
 
+SEEN = 300
+"""Observations of shared points from which on a lens can be sure: with a few dozen, noise alone has
+passed for vignetting."""
+
 SURE = 3.0
 """Standard deviations from none that light at the corners must be."""
 
@@ -125,7 +129,8 @@ def _judged(
     loss = -float(log_light[-1])
     before, after = (np.median(fit.residual[mine]) if mine.any() else 1 for fit in (straight, bent))
     left = float(after / max(before, 1e-9))
-    sure = falling and max(LEAST, SURE * sigma) < loss < MOST
+    enough = int(mine.sum()) >= SEEN and sigma > 0
+    sure = enough and falling and max(LEAST, SURE * sigma) < loss < MOST
     photos = np.flatnonzero(lens == number)
     return LensLight(
         photos, coefficients, reach, float(np.exp(-loss)), sigma, left, sure and left <= most

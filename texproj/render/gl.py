@@ -85,20 +85,22 @@ class GLRenderer:
 
     def load(self, mesh: Mesh, ambient_occlusion: Floats | None = None) -> GLScene:
         """The mesh on the card; close the scene (or use `with`) to release it."""
-        if self._resting and self._remake is not None:
-            self.ctx, self._resting = self._remake(), False
-            with self.ctx:
-                pass
-        with self.current():
-            scene = GLScene(self, Surface(mesh, ambient_occlusion))
-        self.scenes += 1
+        with self._lock:
+            if self._resting and self._remake is not None:
+                self.ctx, self._resting = self._remake(), False
+                with self.ctx:
+                    pass
+            with self.current():
+                scene = GLScene(self, Surface(mesh, ambient_occlusion))
+            self.scenes += 1
         return scene
 
     def rest(self) -> None:
         """Release the context, unless a scene is open; the next one gets a new one."""
-        if self._remake is not None and not (self.scenes or self.closed or self._resting):
-            self._resting = True
-            self.ctx.release()
+        with self._lock:
+            if self._remake is not None and not (self.scenes or self.closed or self._resting):
+                self._resting = True
+                self.ctx.release()
 
     def close(self) -> None:
         """Release the context, and with it every scene."""

@@ -70,6 +70,9 @@ def inspect_project(
                 progress(STAGE, number * total + done, len(batches) * total, "")
 
             for name, images in looker.look(batch, longest, tell).items():
+                if not images:
+                    failed[name] = "sees nothing of the mesh"
+                    continue
                 outcome.folders[name] = _written(bench, name, images)
                 outcome.means[name] = {k: float(np.nanmean(v)) for k, v in images.items()}
     return outcome
@@ -115,8 +118,10 @@ class _Looker:
         job = Inspection(
             points, self._cameras, self._photos, self._depths, self._options, self._scratch
         )
-        found = photo_factors(job, {number: [k] for k, number in enumerate(batch)}, tell)
-        return {
+        seeing = {number: [k] for k, number in enumerate(batch) if points.sizes[k]}
+        found = photo_factors(job, seeing, tell)
+        blind: dict[str, Images] = {self._names[n]: {} for n in batch if n not in seeing}
+        return blind | {
             self._names[number]: {
                 name: points.image(batch.index(number), values) for name, values in factors.items()
             }
