@@ -30,13 +30,13 @@ from color_truth import (
 from scenes import Synthetic
 
 from texproj.color.patches import PatchSettings, color_patches
+from texproj.color.result import textured_mesh
 from texproj.color.texture import color_texture
 from texproj.color.vertices import color_vertices
 from texproj.mesh import ColoredMesh, TexturedMesh
 from texproj.options import ColorOptions, RenderOptions
 from texproj.photo import srgb_from_linear
 from texproj.render import Renderer, open_renderer
-from texproj.stages.writing import textured_mesh
 
 COLUMNS = f"{'surface':>13}  {'in the photos':>13}  {'in new photos':>13}  brightness"
 HEADER = f"{'scan':>6} {'to':9} {'defects':10} {'cpu s':>5}  {COLUMNS}"

@@ -19,7 +19,7 @@ from texproj.camera import Camera
 from texproj.color.absolute import without_checker
 from texproj.color.flow import sure_flow
 from texproj.color.points import Floats
-from texproj.color.result import Texture
+from texproj.color.result import Texture, textured_mesh
 from texproj.color.view import PhotoView
 from texproj.mesh import Mesh, TexturedMesh
 from texproj.options import ColorOptions
@@ -76,7 +76,7 @@ def alignments(
     """The displacements of all photos against a texture made of them, None for a photo that could
     not be loaded. Every photo is loaded once more.
     """
-    model = as_model(mesh, texture)
+    model = textured_mesh(mesh, texture, normals=False)
     out: list[Alignment | None] = []
     for number, camera in enumerate(cameras):
         photo = load_photo(number)
@@ -116,19 +116,6 @@ def _described(shift: Floats, sure: NDArray[np.bool_], solid: NDArray[np.bool_])
     size = tuple(max(2, -(-side // KEPT)) for side in shift.shape[1::-1])
     kept = cv2.resize(shift, size, interpolation=cv2.INTER_AREA)
     return Alignment(kept, float(np.median(length)), float(length.max()), share)
-
-
-def as_model(mesh: Mesh, texture: Texture) -> TexturedMesh:
-    """A texture as it is drawn."""
-    atlas = texture.atlas
-    sizes = np.array(atlas.page_sizes, np.float64)[np.maximum(atlas.page_of_face, 0)]
-    corners = atlas.uv_px[atlas.faces] / sizes[:, None]
-    corners[..., 1] = 1 - corners[..., 1]
-    uv_faces = np.arange(3 * len(mesh.faces), dtype=np.int32).reshape(-1, 3)
-    return TexturedMesh(
-        mesh.vertices, mesh.faces, corners.reshape(-1, 2), uv_faces, atlas.page_of_face,
-        texture.pages,
-    )  # fmt: skip
 
 
 def displaced(

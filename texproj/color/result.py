@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.mesh import Mesh, TexturedMesh, vertex_normals
+
 if TYPE_CHECKING:
     from texproj.color.atlas import Atlas
 
@@ -41,3 +43,17 @@ class Texture:
     pages: tuple[NDArray[Any], ...]
     photo_count: tuple[NDArray[np.uint8], ...]
     quality: dict[str, Any] = field(default_factory=dict)
+
+
+def textured_mesh(mesh: Mesh, texture: Texture, normals: bool = True) -> TexturedMesh:
+    """The mesh with its texture, in the conventions of model files (v up, 0..1)."""
+    atlas = texture.atlas
+    page_of_uv = np.zeros(len(atlas.uv_px), np.intp)
+    page_of_uv[atlas.faces.ravel()] = np.repeat(atlas.page_of_face, 3)
+    size = np.array(atlas.page_sizes, float)[page_of_uv]
+    uv = atlas.uv_px / size
+    uv[:, 1] = 1 - uv[:, 1]
+    return TexturedMesh(
+        mesh.vertices, mesh.faces, uv, atlas.faces, atlas.page_of_face, texture.pages,
+        vertex_normals(mesh) if normals else None,
+    )  # fmt: skip

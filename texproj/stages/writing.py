@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.color.result import Texture, VertexColors
+from texproj.color.result import Texture, VertexColors, textured_mesh
 from texproj.errors import UsageError
 from texproj.formats.models import (
     GlbImage,
@@ -164,20 +164,6 @@ def _glb_images(folder: Path, model: TexturedMesh, plan: OutputPlan) -> list[Pat
         write_ktx2(source, image)
         source.unlink()
     return images
-
-
-def textured_mesh(mesh: Mesh, texture: Texture, normals: bool = True) -> TexturedMesh:
-    """The mesh with its texture, in the conventions of model files (v up, 0..1)."""
-    atlas = texture.atlas
-    page_of_uv = np.zeros(len(atlas.uv_px), np.intp)
-    page_of_uv[atlas.faces.ravel()] = np.repeat(atlas.page_of_face, 3)
-    size = np.array(atlas.page_sizes, float)[page_of_uv]
-    uv = atlas.uv_px / size
-    uv[:, 1] = 1 - uv[:, 1]
-    return TexturedMesh(
-        mesh.vertices, mesh.faces, uv, atlas.faces, atlas.page_of_face, texture.pages,
-        vertex_normals(mesh) if normals else None,
-    )  # fmt: skip
 
 
 def padded(model: TexturedMesh, multiple: int) -> TexturedMesh:

@@ -1,0 +1,36 @@
+"""The settings of every stage: the one home of each default, its bounds and its help text.
+
+Command-line flags and project.toml are made from these classes; a flag overrides project.toml,
+which overrides the default here.
+"""
+
+from texproj.options.base import options_from
+from texproj.options.color import ColorOptions, OutputOptions, PatchOptions, UnwrapOptions
+from texproj.options.register import (
+    MapName,
+    MutualInformationOptions,
+    PointsOptions,
+    RefineOptions,
+    RegisterOptions,
+    SilhouetteOptions,
+    StructureOptions,
+)
+from texproj.options.tools import DemoOptions, PreviewOptions, RenderOptions
+
+__all__ = [
+    "ColorOptions",
+    "DemoOptions",
+    "MapName",
+    "MutualInformationOptions",
+    "OutputOptions",
+    "PatchOptions",
+    "PointsOptions",
+    "PreviewOptions",
+    "RefineOptions",
+    "RegisterOptions",
+    "RenderOptions",
+    "SilhouetteOptions",
+    "StructureOptions",
+    "UnwrapOptions",
+    "options_from",
+]

@@ -1,0 +1,34 @@
+"""What all settings have in common: bounds, and values checked against them."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Annotated, Any, TypeVar
+
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+
+from texproj.errors import UsageError, nearest_name
+
+STRICT = ConfigDict(extra="forbid", use_attribute_docstrings=True)
+T = TypeVar("T")
+
+Positive = Annotated[float, Field(gt=0)]
+Fraction = Annotated[float, Field(ge=0, le=1)]
+
+
+def options_from(cls: type[T], values: dict[str, Any], where: str) -> T:
+    """`cls` with `values` over its defaults.
+
+    Raises UsageError that names `where`, the key and the nearest known key or the bound.
+    """
+    known = [f.name for f in fields(cls)]  # type: ignore[arg-type]
+    for key in values:
+        if key not in known:
+            raise UsageError(f"{where}: unknown key {key!r}{nearest_name(key, known)}")
+    try:
+        return TypeAdapter(cls).validate_python(values)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"])
+        message = f"{where}: {key} = {first['input']!r}: {first['msg'].lower()}"
+        raise UsageError(message) from None

@@ -1,0 +1,166 @@
+"""How the surface is colored and what is written."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+from pydantic.dataclasses import dataclass
+
+from texproj.options.base import STRICT, Fraction, Positive
+
+
+@dataclass(frozen=True, config=STRICT)
+class ColorOptions:
+    """How photos are projected onto the surface and blended."""
+
+    to: Literal["vertices", "texture", "patches"] = "texture"
+    """One color per vertex of the mesh, a texture blended from all photos, or a texture of patches
+    cut from single photos."""
+
+    depth_scale: Annotated[float, Field(gt=0, le=1)] = 0.5
+    """Size of the depth image that decides what a photo sees, as a part of the photo's size."""
+
+    min_cos_angle: Annotated[float, Field(gt=0, lt=1)] = 0.05
+    """Surface turned away from the camera further than this cosine gets no color from it."""
+
+    angle_power: Annotated[float, Field(ge=0)] = 1.0
+    """How strongly a frontal view is preferred; 0 = not at all."""
+
+    density_power: Annotated[float, Field(ge=0)] = 1.0
+    """How strongly a view with more pixels on the surface is preferred; 0 = not at all."""
+
+    border_feather: Annotated[float, Field(ge=0, le=1)] = 0.03
+    """Width of the ramp at a photo's border, as a part of its diagonal."""
+
+    silhouette_feather: Annotated[float, Field(ge=0, le=1)] = 0.005
+    """Width of the ramp beside depth discontinuities, as a part of the photo's diagonal."""
+
+    mask_erode: Annotated[float, Field(ge=0, le=0.5)] = 0.0
+    """How far masks are grown before they count, as a part of the photo's diagonal."""
+
+    mask_feather: Annotated[float, Field(ge=0, le=1)] = 0.003
+    """Width of the ramp beside a mask, as a part of the photo's diagonal."""
+
+    clipped_weight: Fraction = 0.2
+    """Weight of samples where the photo is over-exposed; 1 = as good as any."""
+
+    dark_weight: Fraction = 0.2
+    """Weight of samples where the photo is hardly above black; 1 = as good as any."""
+
+    focus_power: Annotated[float, Field(ge=0, le=8)] = 2.0
+    """How strongly blurred parts of photos are distrusted: the power of their energy of fine detail
+    against that of the other photos; 0 = not looked at. By "multi-band" only in their detail."""
+
+    highlight: Annotated[float, Field(ge=0, le=100)] = 0.0
+    """How strongly a photo is distrusted where it shows a highlight: brighter than most others, by
+    light without the surface's color; 0 = not at all. For glossy things."""
+
+    gains: bool = True
+    """Correct each photo's exposure and white balance by what the others show there."""
+
+    vignetting: Literal["auto", "on", "off"] = "auto"
+    """Correct the light that a lens loses towards the corners. "on": wherever the photos tell it
+    surely; "auto": where they also agree visibly better with each other then."""
+
+    align: bool = False
+    """Shift parts of photos by the few pixels that they are off on the surface, found against a
+    first coloring: where it is sure, smoothly. Every photo is read three times and the mesh colored
+    twice. Not for patches."""
+
+    blend: Literal["multi-band", "robust", "mean", "best"] = "multi-band"
+    """How the photos of a point become one color. "robust": the average of those that agree;
+    "multi-band": the same, and what averaging takes from fine detail is given back as far as the
+    photos agree on it; "mean": the plain weighted average; "best": one photo, the best of those
+    that agree."""
+
+    robust_scale: Positive = 0.1
+    """Difference from the other photos (square root of linear light, 1 = white) at which a sample
+    counts half."""
+
+    preference: Annotated[float, Field(ge=0, le=8)] = 0.85
+    """How strongly the best of the photos that agree is preferred: the power of its weight. Not
+    used by the blend "mean", where it is 1."""
+
+    texels_per_pixel: Annotated[float, Field(gt=0, le=4)] = 1.0
+    """Texels along a line per pixel of the photo that shows the surface best."""
+
+    checker: Annotated[str, Field(min_length=1)] | None = None
+    """Photo of a 24-patch color chart that makes the colors absolute: a path in the project."""
+
+    bits: Literal[8, 16] = 8
+    """Bits per channel of the obj's images (png or tiff). Other files hold 8, but a glb's vertex
+    colors are in floating point."""
+
+
+@dataclass(frozen=True, config=STRICT)
+class UnwrapOptions:
+    """How the surface is cut into charts and laid out on the pages of the texture."""
+
+    page_size: Annotated[int, Field(ge=16, le=32768)] = 8192
+    """Largest width and height of a page, texels."""
+    max_pages: Annotated[int, Field(ge=1, le=256)] = 4
+    """Most pages; the resolution is lowered where that many are not enough."""
+    padding_px: Annotated[int, Field(ge=1, le=64)] = 4
+    """Empty texels between two charts, filled later so that filtering does not mix them."""
+    flatness: Annotated[float, Field(gt=0.5, lt=1)] = 0.93
+    """How flat a chart must be: the least length of its mean normal. Lower: fewer charts, more
+    stretch."""
+    steepest_deg: Annotated[float, Field(gt=30, lt=85)] = 75.0
+    """Largest angle between a face and the plane of its chart."""
+
+
+@dataclass(frozen=True, config=STRICT)
+class PatchOptions:
+    """How the surface is divided among the photos for `--to patches`."""
+
+    seam_px: Annotated[float, Field(ge=0, le=1000)] = 8.0
+    """What a seam costs: as much as a strip of so many pixels in a photo that is plainly wrong;
+    half of it where all photos agree, several times where they do not."""
+
+    resolution: Annotated[float, Field(ge=0, le=10)] = 0.02
+    """What it costs to halve the number of pixels on the surface; 1 = as much as a wrong photo."""
+
+    margin: Annotated[float, Field(ge=0, le=10)] = 0.3
+    """What it costs to use the very border of a photo, or the edge of something in front."""
+
+    consensus_scale: Positive = 0.03
+    """Difference from what all photos agree on (square root of linear light, 1 = white) that costs
+    half as much as a wrong photo."""
+
+    outlier: Positive = 3.0
+    """Beyond so many times that difference a photo is not used, if at least three others agree."""
+
+    candidates: Annotated[int, Field(ge=1, le=64)] = 10
+    """Most photos that a face can choose from."""
+
+    smallest_px: Annotated[float, Field(ge=0)] = 200.0
+    """Patches of fewer pixels join their neighbors where those may show them."""
+
+    strip_px: Annotated[float, Field(gt=0, le=1000)] = 16.0
+    """Width on either side of a seam in which the two photos fade into each other."""
+
+    level_px: Annotated[float, Field(ge=0, le=10000)] = 20.0
+    """Distance over which colors are brought to what all photos agree on; 0 = not at all."""
+
+
+@dataclass(frozen=True, config=STRICT)
+class OutputOptions:
+    """Which files are written to out/, and what is in them."""
+
+    models: tuple[Literal["auto", "glb", "obj", "ply"], ...] = ("auto",)
+    """Kinds of model files: auto = glb and obj with a texture, ply with vertex colors (which a glb
+    can hold too)."""
+
+    image: Literal["png", "jpeg", "webp", "tiff", "ktx2"] = "png"
+    """Format of the texture's images. tiff is for the obj, ktx2 (made by the program basisu) for
+    the glb: the other model gets png."""
+
+    quality: Annotated[int, Field(ge=1, le=100)] = 95
+    """Of jpeg and webp; 100 = webp without loss."""
+
+    normals: bool = True
+    """Write a normal for each vertex."""
+
+    unlit: bool = True
+    """A glb shows the colors as photographed, without lights of the viewer's own."""
