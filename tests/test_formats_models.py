@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 import shutil
 import struct
 import time
@@ -26,7 +27,7 @@ from texproj.formats.models import (
 )
 from texproj.formats.models import write_glb as write_glb_with
 from texproj.formats.models import write_obj as write_obj_with
-from texproj.formats.models.binary import required_extensions
+from texproj.formats.models.binary import Document, required_extensions
 from texproj.formats.models.images import IMAGE_SUFFIXES, page_files, write_pages
 from texproj.formats.models.text import decimals, integers, lines
 from texproj.mesh import ColoredMesh, Mesh, TexturedMesh, vertex_normals
@@ -563,3 +564,14 @@ def test_a_large_png_is_quick():
     start = time.process_time()
     assert len(encode_image(pixels, "png")) < pixels.size
     assert time.process_time() - start < 3
+
+
+def test_a_glb_that_is_too_long_is_refused(tmp_path):
+    """Beyond the 4 GB of the format the reason is said, and no file is begun."""
+    (tmp_path / "page.png").touch()
+    os.truncate(tmp_path / "page.png", 2**32)
+    document = Document()
+    document.view(tmp_path / "page.png")
+    with pytest.raises(OSError, match="at most 4 GB"):
+        document.write(tmp_path / "model.glb", {})
+    assert not (tmp_path / "model.glb").exists()

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from texproj.camera import Camera
 from texproj.color.depths import Depths
+from texproj.color.distortion import weighted_quantiles
 from texproj.color.points import Chunk, Owners
 from texproj.color.sample import project
 from texproj.color.sight import facing, resolution, sight_of
@@ -54,8 +55,9 @@ def texels_per_unit(
     if not seen.any():
         return np.ones(len(best))
     area = face_areas(mesh)
-    best = np.minimum(best, _weighted_quantile(best[seen], area[seen], CLOSEST))
-    best[~seen] = UNSEEN * _weighted_quantile(best[seen], area[seen], 0.5)
+    middle, closest = weighted_quantiles(best[seen], area[seen], (0.5, CLOSEST))
+    best = np.minimum(best, closest)
+    best[~seen] = UNSEEN * middle
     return best * options.texels_per_pixel
 
 
@@ -68,9 +70,3 @@ def _faces(mesh: Mesh) -> Owners:
         face_normals(mesh).astype(np.float32),
         np.ones(len(corners), np.float32),
     )
-
-
-def _weighted_quantile(values: NDArray[np.float64], weight: NDArray[np.float64], q: float) -> float:
-    order = np.argsort(values)
-    share = np.cumsum(weight[order])
-    return float(values[order[min(np.searchsorted(share, q * share[-1]), len(order) - 1)]])

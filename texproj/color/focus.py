@@ -8,14 +8,13 @@ lack beyond that.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.color.corrections import Correction
 from texproj.color.detail import Detail, chosen
+from texproj.color.photometry import Photometry, solve_photometry
 from texproj.color.pictures import FLOOR
 from texproj.color.points import Floats
 from texproj.color.survey import Survey
@@ -85,12 +84,12 @@ def solve_focus(survey: Survey, options: ColorOptions) -> list[Focus]:
     return found
 
 
-def distrusting(
-    corrections: Sequence[Correction], focus: Sequence[Focus]
-) -> tuple[Correction, ...]:
-    """The corrections with the trust in the photos' focus."""
-    both = zip(corrections, focus, strict=True)
-    return tuple(replace(c, trust=f.trust) if f.trust is not None else c for c, f in both)
+def solve_photos(survey: Survey, options: ColorOptions) -> tuple[Photometry, list[Focus]]:
+    """What each photo's light needs, with the trust in its focus, and its focus."""
+    light, focus = solve_photometry(survey, options), solve_focus(survey, options)
+    both = zip(light.corrections, focus, strict=True)
+    trusted = tuple(replace(c, trust=f.trust) if f.trust is not None else c for c, f in both)
+    return replace(light, corrections=trusted), focus
 
 
 def lacking(detail: Detail) -> tuple[Detail, NDArray[np.float64]]:

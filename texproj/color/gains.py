@@ -14,9 +14,10 @@ from texproj.color.points import Floats
 class Gains:
     """Factors on linear light that make the photos agree.
 
-    factor: (p, 3) float32 per photo and channel, geometric mean 1 over the photos of which
-    anything is known; spread: (p,) median absolute log difference to the others after correction;
-    points: (p,) points that the photo shares with another one, of those that were compared.
+    factor: (p, 3) float32 per photo and channel, with the light of corrected lenses 1 in the
+    geometric mean over what the photos show; spread: (p,) median absolute log difference to the
+    others after correction; points: (p,) points that the photo shares with another one, of those
+    that were compared.
     """
 
     factor: Floats

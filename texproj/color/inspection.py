@@ -16,10 +16,9 @@ from texproj.camera import Camera
 from texproj.color.combine import blend
 from texproj.color.corrections import corrected, gains_of, grids_of
 from texproj.color.depths import Depths
-from texproj.color.focus import distrusting, solve_focus
+from texproj.color.focus import solve_photos
 from texproj.color.highlights import highlight_factor
 from texproj.color.lookup import depth_pixels, photo_pixels, rescaled
-from texproj.color.photometry import solve_photometry
 from texproj.color.pictures import picture_factors, silhouette_factor
 from texproj.color.points import Chunk, Floats, PointSource
 from texproj.color.prepare import silhouette_feather_px, view_of
@@ -84,9 +83,8 @@ def photo_factors(
     spill, survey = project_views(
         job.points, views(), len(job.cameras), job.options, job.scratch, progress
     )
-    light, focus = solve_photometry(survey, job.options), solve_focus(survey, job.options)
-    corrections = distrusting(light.corrections, focus)
-    gains, grids = gains_of(corrections), grids_of(job.cameras, corrections)
+    light, focus = solve_photos(survey, job.options)
+    gains, grids = gains_of(light.corrections), grids_of(job.cameras, light.corrections)
     for number, factors in found.items():
         parts = []
         for k in wanted[number]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from texproj.camera import Camera
 from texproj.color.atlas import Atlas, AtlasStats
 from texproj.color.charts import Charts, extents, join, upright
+from texproj.color.density import UNSEEN
 from texproj.color.distortion import flat_areas, stretch, weighted_quantiles
 from texproj.color.flatten import Regions, flatten
 from texproj.color.layers import doubled
@@ -19,9 +20,6 @@ from texproj.color.patch_labels import Labels
 from texproj.color.segmentation import DualGraph, Ints, connected
 from texproj.mesh import Mesh, face_areas, face_normals
 from texproj.options import UnwrapOptions
-
-UNSEEN = 0.25
-"""Texels per unit of faces that no photo sees, against the median of the others."""
 
 ROW_PX = 0.5
 """Distance of the rows in which overlaps are looked for."""

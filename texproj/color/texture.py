@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,10 +19,10 @@ from texproj.color.corrections import gains_of, grids_of
 from texproj.color.density import texels_per_unit
 from texproj.color.depths import Depths
 from texproj.color.flatten import Regions
-from texproj.color.focus import distrusting, solve_focus
+from texproj.color.focus import solve_photos
 from texproj.color.memory import return_freed_memory, trim
 from texproj.color.pages import fill_page
-from texproj.color.photometry import Photometry, solve_photometry
+from texproj.color.photometry import Photometry
 from texproj.color.points import Floats
 from texproj.color.project import LoadPhoto, Progress, project_views, views_ahead
 from texproj.color.quality import coverage, per_lens, per_photo
@@ -74,8 +73,7 @@ def color_texture(
         trim()
         spill, survey = project_views(points, views, len(cameras), options, scratch, progress)
         trim()
-        light, focus = solve_photometry(survey, options), solve_focus(survey, options)
-        light = replace(light, corrections=distrusting(light.corrections, focus))
+        light, focus = solve_photos(survey, options)
         absolute, checker = absolute_matrix(options, survey, light)
         pages, counts, share = bake(points, atlas, spill, cameras, light, absolute, options)
         fill_unseen(mesh, atlas, points, pages, counts)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import replace
 
 import numpy as np
 
@@ -14,8 +13,7 @@ from texproj.color.align import displaced, per_alignment
 from texproj.color.blending import blend_chunk
 from texproj.color.corrections import gains_of, grids_of
 from texproj.color.fill import fill_vertices
-from texproj.color.focus import distrusting, solve_focus
-from texproj.color.photometry import solve_photometry
+from texproj.color.focus import solve_photos
 from texproj.color.points import VertexPoints
 from texproj.color.project import LoadPhoto, Progress, project_views, views_in_turn
 from texproj.color.quality import coverage, per_lens, per_photo
@@ -51,8 +49,7 @@ def color_vertices(
     with opencv_in_one_thread(), renderer.load(mesh) as scene, closing(Scratch()) as scratch:
         views = displaced(views_in_turn(cameras, load_photo, scene, options), found)
         spill, survey = project_views(points, views, len(cameras), options, scratch, progress)
-        light, focus = solve_photometry(survey, options), solve_focus(survey, options)
-        light = replace(light, corrections=distrusting(light.corrections, focus))
+        light, focus = solve_photos(survey, options)
         gains, grids = gains_of(light.corrections), grids_of(cameras, light.corrections)
         absolute, checker = absolute_matrix(options, survey, light)
         for chunk in range(len(points.sizes)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import shutil
 import struct
@@ -13,6 +14,9 @@ from numpy.typing import NDArray
 
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 COMPONENTS = {"f4": 5126, "u4": 5125}
+
+MOST_BYTES = 2**32 - 1
+"""Lengths in a GLB are 32-bit numbers."""
 
 Blob = NDArray[Any] | Path
 """Bytes of the binary chunk: an array, or a file that is copied into it."""
@@ -62,7 +66,9 @@ class Document:
         return len(self._accessors) - 1
 
     def write(self, path: Path, content: dict[str, Any]) -> None:
-        """Write the file: `content` with what has been appended. Raises OSError."""
+        """Write the file: `content` with what has been appended. Raises OSError, also for more
+        than the 4 GB that the format can hold.
+        """
         content = content | {
             "bufferViews": self._views,
             "accessors": self._accessors,
@@ -71,6 +77,8 @@ class Document:
         text = json.dumps(content, separators=(",", ":"), allow_nan=False).encode()
         text += b" " * (-len(text) % 4)
         total = 12 + 8 + len(text) + 8 + self._size
+        if total > MOST_BYTES:
+            raise OSError(errno.EFBIG, "a glb holds at most 4 GB; write an obj or fewer pages")
         with path.open("wb") as file:
             file.write(struct.pack("<4sII", b"glTF", 2, total))
             file.write(struct.pack("<I4s", len(text), b"JSON") + text)
