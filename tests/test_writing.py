@@ -8,7 +8,6 @@ import trimesh
 from color_scenes import plane
 
 from texproj.cli import main
-from texproj.color.atlas import Atlas, AtlasStats
 from texproj.color.result import Texture, VertexColors, textured_mesh
 from texproj.errors import UsageError
 from texproj.formats.models import (
@@ -28,6 +27,7 @@ from texproj.project import Project
 from texproj.stages.coloring import SECTIONS
 from texproj.stages.freshness import options_inputs
 from texproj.stages.writing import output_plan, padded, write_texture, write_vertices
+from texproj.unwrap.atlas import Atlas, AtlasStats
 
 SIZE = (30, 22)  # width, height: no multiples of 4
 

@@ -18,7 +18,7 @@ from texproj.preview.photos import camera_facts
 from texproj.preview.picks import numbers
 from texproj.preview.surface import Hit, Surface
 from texproj.project import Project
-from texproj.register.points import register_points
+from texproj.register.picks.register import register_points
 from texproj.solve.matching import match_patches
 from texproj.solve.orientation import photo_field, render_field
 from texproj.stages.entries import start_of

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.camera import Camera
-from texproj.color.points import VertexPoints
-from texproj.color.prepare import photo_view
-from texproj.color.sample import sample
-from texproj.color.sight import sight_of
+from texproj.color.points.source import VertexPoints
+from texproj.color.sampling.prepare import photo_view
+from texproj.color.sampling.sample import sample
+from texproj.color.weights.surface import sight_of
 from texproj.photo import Photo
 from texproj.stages.bench import Workbench
 

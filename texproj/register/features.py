@@ -19,7 +19,7 @@ from texproj.errors import RegistrationError
 from texproj.options import PointsOptions
 from texproj.photo import Correspondences, PhotoInfo
 from texproj.records import Fit
-from texproj.register.points import register_points
+from texproj.register.picks.register import register_points
 from texproj.solve.features import Features, match_features
 
 Array = NDArray[np.float64]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from texproj.color.absolute import with_checker
-from texproj.color.checker import read_checker
+from texproj.color.checker.apply import with_checker
+from texproj.color.checker.fit import read_checker
 from texproj.errors import InputError
 from texproj.formats.photos import read_photo, read_photo_info
 from texproj.options import ColorOptions

@@ -166,7 +166,7 @@ def _texture(
     photos: Photos,
     tell: Callable[[int, int], None],
 ) -> Texture:
-    from texproj.color.patches import PatchSettings, color_patches  # noqa: PLC0415 - slow to load
+    from texproj.color.patches.texture import PatchSettings, color_patches  # noqa: PLC0415 - slow to load
     from texproj.color.texture import color_texture  # noqa: PLC0415
 
     settings = bench.project.settings

@@ -13,10 +13,10 @@ from texproj.errors import InputError, RegistrationError
 from texproj.project import Project
 from texproj.records import CameraRecord, Fit
 from texproj.register.features import Known, register_features
-from texproj.register.from_mask import ChainOptions, register_from_outline
-from texproj.register.mutual_information import register_mutual_information
-from texproj.register.points import register_points
-from texproj.register.structure import register_structure
+from texproj.register.information.register import register_mutual_information
+from texproj.register.outline.chain import ChainOptions, register_from_outline
+from texproj.register.picks.register import register_points
+from texproj.register.structure.register import register_structure
 from texproj.stages.bench import Workbench
 from texproj.stages.entries import THROUGH
 

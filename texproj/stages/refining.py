@@ -15,7 +15,7 @@ from texproj.formats.cameras import entry_of_record
 from texproj.photo import Photo
 from texproj.project import Project
 from texproj.records import CameraRecord
-from texproj.register.refine import Refined, refine
+from texproj.register.joint.refine import Refined, refine
 from texproj.render import GBuffer
 from texproj.stages.bench import Workbench
 from texproj.stages.entries import (
