@@ -12,12 +12,13 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from texproj.arrays import Floats
 from texproj.camera import Camera
 from texproj.color.balance.corrections import corrected, gains_of, grids_of
 from texproj.color.balance.focus import solve_photos
 from texproj.color.blending.combine import blend
 from texproj.color.blending.highlights import highlight_factor
-from texproj.color.points.source import Chunk, Floats, PointSource
+from texproj.color.points.source import Chunk, PointSource
 from texproj.color.sampling.depth_images import Depths
 from texproj.color.sampling.gather import LoadPhoto, Progress, project_views
 from texproj.color.sampling.pixel_lookup import depth_pixels, photo_pixels, rescaled

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Floats
 from texproj.camera import Camera
 from texproj.color.alignment.shift import Alignment, alignments, displaced, per_alignment, rough
 from texproj.color.balance.corrections import gains_of, grids_of
@@ -19,7 +20,6 @@ from texproj.color.blending.blending import blend_chunk
 from texproj.color.checker.apply import absolute_matrix, in_absolute
 from texproj.color.filling.gutters import fill_page
 from texproj.color.filling.texels import fill_unseen
-from texproj.color.points.source import Floats
 from texproj.color.points.texels import TexelPoints
 from texproj.color.quality import coverage, per_lens, per_photo
 from texproj.color.result import Texture

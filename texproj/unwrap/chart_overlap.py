@@ -9,14 +9,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Doubles, Ints
 from texproj.unwrap.charts import Charts, border_edges, extents
-from texproj.unwrap.regions import Floats, Ints, sum_by_label
+from texproj.unwrap.regions import sum_by_label
 
 MOST_ROWS = 8192  # per chart
 SHORTEST = 1e-3  # of a row's height: shorter overlaps are rounding
 
 
-def doubled(charts: Charts, row_height: Floats) -> tuple[NDArray[np.bool_], Floats]:
+def doubled(charts: Charts, row_height: Doubles) -> tuple[NDArray[np.bool_], Doubles]:
     """(n,) faces on the border of what is covered twice; (count,) area covered twice, exactly 0
     for charts that do not cover themselves.
 
@@ -31,8 +32,8 @@ def doubled(charts: Charts, row_height: Floats) -> tuple[NDArray[np.bool_], Floa
 
 
 def _doubled_in_rows(
-    charts: Charts, edges: Ints, row_height: Floats
-) -> tuple[NDArray[np.bool_], Floats]:
+    charts: Charts, edges: Ints, row_height: Doubles
+) -> tuple[NDArray[np.bool_], Doubles]:
     edge, row, x, sign = _crossings(charts, edges, row_height)
     chart = charts.chart_of_uv[edges[edge, 0]]
     order = np.lexsort((x, row, chart))
@@ -49,7 +50,9 @@ def _doubled_in_rows(
     return (a & b) | (b & c) | (c & a), area
 
 
-def _crossings(charts: Charts, edges: Ints, row_height: Floats) -> tuple[Ints, Ints, Floats, Ints]:
+def _crossings(
+    charts: Charts, edges: Ints, row_height: Doubles
+) -> tuple[Ints, Ints, Doubles, Ints]:
     """Each crossing of a border edge and the middle of a row: edge, row, x, +1 where the inside
     begins (counter-clockwise borders run down there).
     """

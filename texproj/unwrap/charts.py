@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from texproj.arrays import Doubles, Ints
 from texproj.mesh import Mesh, face_cross
-from texproj.unwrap.regions import DualGraph, Floats, Ints, connected, sum_by_label
+from texproj.unwrap.regions import DualGraph, connected, sum_by_label
 
 TURNS = 18  # directions tried for the smallest bounding box, over a quarter turn
 
@@ -21,7 +22,7 @@ class Charts:
     mesh each is; count: number of charts.
     """
 
-    uv: Floats
+    uv: Doubles
     faces: Ints
     vertex_of_uv: Ints
     chart_of_uv: Ints
@@ -34,7 +35,7 @@ class Charts:
         """(count,) first row of uv of each chart."""
         return np.searchsorted(self.chart_of_uv, np.arange(self.count))
 
-    def with_uv(self, uv: Floats) -> Charts:
+    def with_uv(self, uv: Doubles) -> Charts:
         """The same charts at other places."""
         return replace(self, uv=uv)
 
@@ -122,13 +123,13 @@ def border_edges(charts: Charts) -> Ints:
     return np.stack([start[border], end[border]], axis=1)
 
 
-def extents(uv: Floats, starts: Ints) -> tuple[Floats, Floats]:
+def extents(uv: Doubles, starts: Ints) -> tuple[Doubles, Doubles]:
     """(n, 2) lower corner and (n, 2) size of each run of rows of uv (W, 2)."""
     low = np.minimum.reduceat(uv, starts)
     return low, np.maximum.reduceat(uv, starts) - low
 
 
-def plane_axes(normals: Floats) -> Floats:
+def plane_axes(normals: Doubles) -> Doubles:
     """(n, 3, 3) right-handed axes x, y, z (rows) with z along each of (n, 3) normals."""
     z = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     x = np.cross(np.eye(3)[np.abs(z).argmin(axis=1)], z)
@@ -143,6 +144,6 @@ def _own_rows(labels: Ints, corners: Ints, count: int) -> tuple[Ints, Ints, Ints
     return unique // count, unique % count, rows.reshape(-1, 3)
 
 
-def _turn(uv: Floats, angle_rad: Floats) -> Floats:
+def _turn(uv: Doubles, angle_rad: Doubles) -> Doubles:
     c, s = np.cos(angle_rad), np.sin(angle_rad)
     return np.stack([c * uv[:, 0] - s * uv[:, 1], s * uv[:, 0] + c * uv[:, 1]], axis=1)

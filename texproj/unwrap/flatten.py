@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from texproj.arrays import Bools, Doubles, Ints
 from texproj.mesh import Mesh, face_areas, face_cross, norms
 from texproj.options import UnwrapOptions
 from texproj.unwrap.chart_overlap import doubled
 from texproj.unwrap.charts import Charts, border_edges, join, plane_axes, project, select
 from texproj.unwrap.regions import (
     DualGraph,
-    Floats,
-    Ints,
     connected,
     dual_graph,
     grow_regions,
@@ -22,8 +20,6 @@ from texproj.unwrap.regions import (
     sum_by_label,
 )
 from texproj.unwrap.stretch import signed_areas, stretch
-
-Bools = NDArray[np.bool_]
 
 SWAPS = 4  # rounds in which steep faces at a border may change to the neighbor
 RELAXATIONS = 4  # rounds in which corners of folded faces move between their neighbors
@@ -50,7 +46,7 @@ class Regions:
 
 
 def flatten(
-    mesh: Mesh, regions: Regions, density: Floats, options: UnwrapOptions
+    mesh: Mesh, regions: Regions, density: Doubles, options: UnwrapOptions
 ) -> tuple[Charts, int]:
     """Charts of all faces, in mesh units, and how many had to be cut for overlaps.
 
@@ -133,7 +129,7 @@ def _unfolded(mesh: Mesh, charts: Charts, options: UnwrapOptions) -> tuple[Chart
     return charts, bad
 
 
-def _averaged(old: Floats, faces: Ints, moving: Bools) -> Floats:
+def _averaged(old: Doubles, faces: Ints, moving: Bools) -> Doubles:
     """uv with the moving rows at the mean of their neighbors; faces: all that touch them."""
     others = old[faces].sum(axis=1, keepdims=True) - old[faces]
     rows, where = np.unique(faces, return_inverse=True)
@@ -162,7 +158,7 @@ def _folded(mesh: Mesh, charts: Charts, rows: Ints, options: UnwrapOptions) -> B
     return (area < limit * true_area) | (ratio * limit > 1)
 
 
-def _row_height(charts: Charts, area: Floats, density: Floats) -> Floats:
+def _row_height(charts: Charts, area: Doubles, density: Doubles) -> Doubles:
     """(count,) half a texel of each chart, mesh units."""
     faces = charts.face_of_mesh
     total = np.bincount(charts.chart_of_face, area[faces], charts.count)

@@ -8,9 +8,9 @@ import numpy as np
 import xatlas
 from numpy.typing import NDArray
 
+from texproj.arrays import Doubles, Ints
 from texproj.errors import RenderError
 from texproj.unwrap.charts import Charts, extents
-from texproj.unwrap.regions import Floats, Ints
 from texproj.unwrap.stretch import flat_areas
 
 SMALL_PX, TRAY_PX = 32.0, 256  # longest chart that goes on a tray, side of a tray
@@ -25,7 +25,7 @@ class Placement:
     page_sizes: (width, height) of each page.
     """
 
-    uv: Floats
+    uv: Doubles
     page_of_chart: Ints
     page_sizes: tuple[tuple[int, int], ...]
 
@@ -57,14 +57,14 @@ def pack(charts: Charts, padding_px: int, page_size: int) -> Placement:
 class _Proxy:
     """What xatlas packs: (P, 2) uv in cells, faces into them, chart of each row (ascending)."""
 
-    uv: Floats
+    uv: Doubles
     faces: Ints
     chart: Ints
 
 
 @dataclass(frozen=True, eq=False)
 class _Placed:
-    uv: Floats  # (P, 2) cells
+    uv: Doubles  # (P, 2) cells
     page: Ints  # (P,)
 
 
@@ -121,7 +121,7 @@ def _xatlas(proxy: _Proxy, gap: int, resolution: int) -> tuple[_Placed, int, int
 
 def _transfer(
     charts: Charts, cell: int, proxy: _Proxy, placed: _Placed
-) -> tuple[Floats, Ints, NDArray[np.bool_]]:
+) -> tuple[Doubles, Ints, NDArray[np.bool_]]:
     """All uv in cells under the map of each chart's proxy; page of each chart; which failed.
 
     xatlas turns a chart by exchanging x and y, then stretches each side by less than a cell.
@@ -147,7 +147,7 @@ def _transfer(
     return uv, placed.page[starts], (error > 0.01) | (growth > 1.001)
 
 
-def _finish(charts: Charts, uv: Floats, page_of_uv: Ints, border: int) -> Placement:
+def _finish(charts: Charts, uv: Doubles, page_of_uv: Ints, border: int) -> Placement:
     uv = uv + border
     sizes = []
     for number in range(int(page_of_uv.max()) + 1):
@@ -189,7 +189,7 @@ def _on_trays(
     return moved, rows, np.arange(count) >= len(own)
 
 
-def _shelves(size: Floats, side: float) -> tuple[Ints, Floats]:
+def _shelves(size: Doubles, side: float) -> tuple[Ints, Doubles]:
     """(n,) tray and (n, 2) corner of rectangles in rows on square trays, tallest first."""
     tray = np.zeros(len(size), np.int64)
     corner = np.zeros((len(size), 2))

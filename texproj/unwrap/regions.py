@@ -9,10 +9,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
+from texproj.arrays import Doubles, Ints
 from texproj.mesh import Mesh, norms
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 SMOOTHING_ROUNDS = 3
 ROUGH_DEG = 8.0
@@ -30,7 +28,7 @@ class DualGraph:
     """
 
     pairs: Ints
-    lengths: Floats
+    lengths: Doubles
 
     def within(self, labels: Ints) -> NDArray[np.bool_]:
         """(E,) whether both faces have the same label."""
@@ -62,7 +60,7 @@ def dual_graph(mesh: Mesh) -> DualGraph:
     return DualGraph(np.stack([one // 3, two // 3], axis=1), length)
 
 
-def smoothed_normals(area_normals: Floats, graph: DualGraph) -> Floats:
+def smoothed_normals(area_normals: Doubles, graph: DualGraph) -> Doubles:
     """(F, 3) normals of length area, averaged over the neighbors so that noise does not count.
 
     Neighbors count in full up to three quarters of a right angle and not at all beyond a right
@@ -83,7 +81,7 @@ def smoothed_normals(area_normals: Floats, graph: DualGraph) -> Floats:
     return normals.astype(np.float64)
 
 
-def _rough(cosine: Floats, graph: DualGraph, count: int) -> NDArray[np.bool_]:
+def _rough(cosine: Doubles, graph: DualGraph, count: int) -> NDArray[np.bool_]:
     """(F,) faces in whose neighborhood not even the best of a face's neighbors is level with it."""
     best = np.full(count, -1.0)
     for side in graph.pairs.T:
@@ -96,13 +94,13 @@ def _rough(cosine: Floats, graph: DualGraph, count: int) -> NDArray[np.bool_]:
     return mean < np.cos(np.radians(ROUGH_DEG))
 
 
-def _symmetric(weights: Floats, graph: DualGraph, count: int) -> sparse.csr_array:
+def _symmetric(weights: Doubles, graph: DualGraph, count: int) -> sparse.csr_array:
     i, j = graph.pairs.T
     both = np.tile(weights.astype(np.float32), 2)
     return sparse.csr_array((both, (np.r_[i, j], np.r_[j, i])), shape=(count, count))
 
 
-def grow_regions(normals: Floats, pairs: Ints, lengths: Floats, flatness: float) -> Ints:
+def grow_regions(normals: Doubles, pairs: Ints, lengths: Doubles, flatness: float) -> Ints:
     """(F,) int64 labels 0..n-1 of connected regions grown by merging neighbors.
 
     normals: (F, 3) of length area. A region with area A and summed normal N deviates from flat
@@ -133,7 +131,7 @@ def connected(labels: Ints, graph: DualGraph) -> Ints:
     return connected_components(links, directed=False)[1].astype(np.int64)
 
 
-def sum_by_label(values: Floats, labels: Ints, count: int) -> Floats:
+def sum_by_label(values: Doubles, labels: Ints, count: int) -> Doubles:
     """(count, k) sums of (F, k) values over equal labels."""
     sums = [np.bincount(labels, column, count) for column in values.T]
     return np.stack(sums, axis=1)
@@ -142,7 +140,7 @@ def sum_by_label(values: Floats, labels: Ints, count: int) -> Floats:
 @dataclass(frozen=True, eq=False)
 class _Borders:
     pairs: Ints
-    lengths: Floats
+    lengths: Doubles
 
     def keep(self, mask: NDArray[np.bool_]) -> _Borders:
         return _Borders(self.pairs[mask], self.lengths[mask])
@@ -150,10 +148,10 @@ class _Borders:
 
 @dataclass(frozen=True, eq=False)
 class _Regions:
-    normals: Floats
-    area: Floats
+    normals: Doubles
+    area: Doubles
 
-    def merge_cost(self, borders: _Borders, flatness: float) -> tuple[Floats, NDArray[np.bool_]]:
+    def merge_cost(self, borders: _Borders, flatness: float) -> tuple[Doubles, NDArray[np.bool_]]:
         i, j = borders.pairs.T
         length = norms(self.normals)
         joint = norms(self.normals[i] + self.normals[j])
@@ -169,7 +167,7 @@ class _Regions:
         )
 
 
-def _merge_parallel(pairs: Ints, lengths: Floats, count: int) -> _Borders:
+def _merge_parallel(pairs: Ints, lengths: Doubles, count: int) -> _Borders:
     """Borders between different regions, one for each pair of regions."""
     low, high = np.minimum(*pairs.T), np.maximum(*pairs.T)
     real = low != high
@@ -183,7 +181,7 @@ def _merge_parallel(pairs: Ints, lengths: Floats, count: int) -> _Borders:
     return _Borders(np.stack([key[first] // count, key[first] % count], axis=1), total)
 
 
-def _best_neighbor(pairs: Ints, cost: Floats, count: int) -> Ints:
+def _best_neighbor(pairs: Ints, cost: Doubles, count: int) -> Ints:
     """(count,) the cheapest neighbor of each region, itself where it has none; a hash decides
     between equal costs.
     """
@@ -202,7 +200,7 @@ def _best_neighbor(pairs: Ints, cost: Floats, count: int) -> Ints:
     return target
 
 
-def _joined(target: Ints, area: Floats) -> Ints:
+def _joined(target: Ints, area: Doubles) -> Ints:
     """(n,) labels 0..m-1 after regions that chose each other merged, and small ones joined the
     large region of their choice.
     """

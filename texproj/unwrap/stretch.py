@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from texproj.unwrap.regions import Floats, Ints
+from texproj.arrays import Doubles, Ints
 
 
-def signed_areas(uv: Floats, faces: Ints) -> Floats:
+def signed_areas(uv: Doubles, faces: Ints) -> Doubles:
     """(F,) areas of the faces in the plane, negative where turned over."""
     a, b, c = uv[faces].transpose(1, 0, 2)
     p, q = b - a, c - a
     return 0.5 * (p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])
 
 
-def flat_areas(uv: Floats, faces: Ints) -> Floats:
+def flat_areas(uv: Doubles, faces: Ints) -> Doubles:
     """(F,) areas of the faces in the plane, positive."""
     return np.abs(signed_areas(uv, faces))
 
 
-def stretch(corners: Floats, uv_corners: Floats) -> Floats:
+def stretch(corners: Doubles, uv_corners: Doubles) -> Doubles:
     """(F,) ratio >= 1 of the singular values of the linear map of each face.
 
     corners: (F, 3, 3) in space; uv_corners: (F, 3, 2). The squares of the singular values are
@@ -34,7 +34,7 @@ def stretch(corners: Floats, uv_corners: Floats) -> Floats:
     return larger / np.sqrt(np.maximum(np.maximum(product, 1e-24 * larger**2), 1e-300))
 
 
-def weighted_quantiles(values: Floats, weights: Floats, at: tuple[float, ...]) -> list[float]:
+def weighted_quantiles(values: Doubles, weights: Doubles, at: tuple[float, ...]) -> list[float]:
     """The values below which the given shares of the weight lie."""
     order = np.argsort(values)
     share = np.cumsum(weights[order])
@@ -42,7 +42,7 @@ def weighted_quantiles(values: Floats, weights: Floats, at: tuple[float, ...]) -
     return [float(values[order[min(row, len(order) - 1)]]) for row in rows]
 
 
-def _gram(corners: Floats) -> tuple[Floats, Floats, Floats]:
+def _gram(corners: Doubles) -> tuple[Doubles, Doubles, Doubles]:
     p, q = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     return (
         np.einsum("ij,ij->i", p, p),

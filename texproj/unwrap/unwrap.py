@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from texproj.arrays import Doubles
 from texproj.errors import InputError
 from texproj.mesh import Mesh, face_areas
 from texproj.options import UnwrapOptions
@@ -14,7 +15,7 @@ from texproj.unwrap.atlas import Atlas, AtlasStats
 from texproj.unwrap.charts import Charts, extents, select, upright
 from texproj.unwrap.flatten import Regions, flatten
 from texproj.unwrap.packing import Placement, pack
-from texproj.unwrap.regions import Floats, dual_graph
+from texproj.unwrap.regions import dual_graph
 from texproj.unwrap.stretch import flat_areas, stretch, weighted_quantiles
 
 EXPECTED_FILL = 0.75  # of the pages; the first guess where the resolution must be lowered
@@ -48,7 +49,7 @@ def unwrap(
     return _atlas(charts, placement, options.padding_px, stats)
 
 
-def _at_density(mesh: Mesh, charts: Charts, density: Floats) -> Charts:
+def _at_density(mesh: Mesh, charts: Charts, density: Doubles) -> Charts:
     """The charts in texels: each with as many as its surface asks for."""
     area = face_areas(mesh)
     wanted = np.bincount(charts.chart_of_face, area * density**2, charts.count)

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.color.points.source import Floats
+from texproj.arrays import Floats
 
 CONTRAST_PX = 8.0
 """Deviation of the neighborhood over which brightness and contrast are made equal."""

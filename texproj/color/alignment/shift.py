@@ -15,10 +15,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Floats
 from texproj.camera import Camera
 from texproj.color.alignment.flow import sure_flow
 from texproj.color.checker.apply import without_checker
-from texproj.color.points.source import Floats
 from texproj.color.result import Texture, textured_mesh
 from texproj.color.sampling.view import PhotoView
 from texproj.mesh import Mesh, TexturedMesh

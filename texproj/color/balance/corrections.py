@@ -11,8 +11,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Floats
 from texproj.camera import Camera
-from texproj.color.points.source import Chunk, Floats, PointSource
+from texproj.color.points.source import Chunk, PointSource
 from texproj.color.sampling.pixel_lookup import depth_pixels
 from texproj.color.sampling.store import Stack
 from texproj.render import pinhole_cover

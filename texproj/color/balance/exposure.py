@@ -13,7 +13,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.color.balance.overlaps import Doubles, Overlaps
+from texproj.arrays import Doubles
+from texproj.color.balance.overlaps import Overlaps
 
 POWERS = 3
 """Unknowns of a lens: the logarithm of its light is linear in r^2, r^4, r^6."""

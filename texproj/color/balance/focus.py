@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Floats
 from texproj.color.balance.photometry import Photometry, solve_photometry
 from texproj.color.balance.shared_points import Survey
 from texproj.color.balance.sharpness import Detail, chosen
-from texproj.color.points.source import Floats
 from texproj.color.weights.picture import FLOOR
 from texproj.options import ColorOptions
 

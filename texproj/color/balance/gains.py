@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.color.points.source import Floats
+from texproj.arrays import Floats
 
 
 @dataclass(frozen=True, eq=False)

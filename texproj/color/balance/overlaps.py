@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Doubles
 from texproj.color.balance.shared_points import Survey
 
 DARKEST, BRIGHTEST = 0.003, 0.92
@@ -19,8 +20,6 @@ SURE_WEIGHT = 0.02
 ENOUGH, ENOUGH_EACH = 20_000, 300
 """Observations, in all and per photo, from which on more points would not make the corrections any
 surer: what is left is not noise, but what is common to many points."""
-
-Doubles = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

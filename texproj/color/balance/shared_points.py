@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Floats
 from texproj.camera import Camera
 from texproj.color.balance.sharpness import Detail, DetailMeter
-from texproj.color.points.source import Chunk, Floats, PointSource, spread_points
+from texproj.color.points.source import Chunk, PointSource, spread_points
 from texproj.color.sampling.pixel_lookup import depth_pixels, photo_pixels
 from texproj.color.sampling.sample import sample
 from texproj.color.sampling.view import WHITE, PhotoView

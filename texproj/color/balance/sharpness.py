@@ -13,8 +13,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Floats
 from texproj.camera import Camera
-from texproj.color.points.source import Chunk, Floats, Owners, PointSource, spread_points
+from texproj.color.points.source import Chunk, Owners, PointSource, spread_points
 from texproj.color.sampling.pixel_lookup import read_colors
 from texproj.color.sampling.sample import project
 from texproj.color.sampling.view import WHITE, PhotoView

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Doubles, Floats
 from texproj.camera import Camera
 from texproj.color.balance.exposure import POWERS, LightFit
-from texproj.color.balance.overlaps import Doubles, Overlaps
+from texproj.color.balance.overlaps import Overlaps
 from texproj.color.balance.shared_points import Shot
-from texproj.color.points.source import Floats
 
 SAME_FOCAL = 0.03
 """Relative difference of focal lengths up to which photos may be of one lens: what a registration

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.color.points.source import Floats
+from texproj.arrays import Floats
 from texproj.color.sampling.pixel_lookup import by_level, rescaled
 from texproj.color.sampling.view import PhotoView, linear16
 

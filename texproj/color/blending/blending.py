@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from texproj.arrays import Floats
 from texproj.color.balance.corrections import Grid, corrected
 from texproj.color.blending.combine import Blend, blend
-from texproj.color.points.source import Floats, PointSource
+from texproj.color.points.source import PointSource
 from texproj.color.sampling.store import Spill
 from texproj.options import ColorOptions
 

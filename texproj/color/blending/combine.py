@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Floats
 from texproj.color.blending.bands import LUMINANCE, exchanged, restored
 from texproj.color.blending.highlights import highlight_factor
-from texproj.color.points.source import Floats
 from texproj.color.sampling.store import Stack
 from texproj.options import ColorOptions
 

@@ -8,12 +8,11 @@ from typing import Any
 import cv2
 import numpy as np
 
+from texproj.arrays import Doubles, Floats
 from texproj.color.balance.corrections import Correction
 from texproj.color.balance.photometry import Photometry
 from texproj.color.balance.shared_points import Survey
-from texproj.color.checker.find import Doubles
 from texproj.color.checker.fit import XYZ_OF_SRGB, Checker
-from texproj.color.points.source import Floats
 from texproj.options import ColorOptions
 from texproj.photo import PhotoInfo
 

@@ -9,11 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.color.points.source import Floats
+from texproj.arrays import Doubles, Floats
 from texproj.errors import InputError
 from texproj.photo import Photo, srgb_from_linear
-
-Doubles = NDArray[np.float64]
 
 ROWS, COLUMNS = 4, 6
 

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.color.checker.find import Doubles, Patches, find_charts, measure_chart
+from texproj.arrays import Doubles
+from texproj.color.checker.find import Patches, find_charts, measure_chart
 from texproj.errors import InputError
 from texproj.photo import Photo, PhotoInfo
 

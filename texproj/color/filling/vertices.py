@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.color.points.source import Floats
+from texproj.arrays import Floats
 from texproj.mesh import Mesh
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Ints
 from texproj.camera import Camera
 from texproj.color.patches.labels import Labels
 from texproj.color.sampling.resolution import UNSEEN
@@ -18,7 +19,7 @@ from texproj.unwrap.chart_overlap import doubled
 from texproj.unwrap.charts import Charts, extents, join, upright
 from texproj.unwrap.flatten import Regions, flatten
 from texproj.unwrap.packing import Placement, pack
-from texproj.unwrap.regions import DualGraph, Ints, connected
+from texproj.unwrap.regions import DualGraph, connected
 from texproj.unwrap.stretch import flat_areas, stretch, weighted_quantiles
 
 ROW_PX = 0.5

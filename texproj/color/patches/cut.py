@@ -9,11 +9,11 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Floats
 from texproj.camera import Camera
 from texproj.color.balance.corrections import Correction, Grid, factors_at, grid_of
 from texproj.color.balance.photometry import Photometry
 from texproj.color.patches.seams import PatchBlend, PatchBlends
-from texproj.color.points.source import Floats
 from texproj.color.points.texels import TexelPoints
 from texproj.color.sampling.depth_images import Depths
 from texproj.color.sampling.gather import LoadPhoto

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
+from texproj.arrays import Bools, Floats, Ints
 from texproj.color.patches.views import FaceViews
-from texproj.color.points.source import Floats
 from texproj.mesh import Mesh, face_areas
 from texproj.options import PatchOptions
 from texproj.unwrap.regions import DualGraph, connected
@@ -43,8 +43,6 @@ AGREEING, DISAGREEING = 0.5, 4.5
 """Factors on what a seam costs, where the photos of a face agree and where they are far apart."""
 
 Labels = NDArray[np.int32]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

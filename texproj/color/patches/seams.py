@@ -12,13 +12,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 
+from texproj.arrays import Bools, Floats, Ints
 from texproj.color.patches.labels import Labels
 from texproj.color.patches.views import FaceViews
-from texproj.color.points.source import Floats
 from texproj.mesh import Mesh, face_areas
 from texproj.options import PatchOptions
 
@@ -36,9 +35,6 @@ FADING = 0.1
 
 COTANGENT = 0.29
 """Half the cotangent of 60 degrees: the smoothness of a map along one edge of a regular face."""
-
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)

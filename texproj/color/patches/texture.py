@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Floats
 from texproj.camera import Camera
 from texproj.color.balance.gains import Gains
 from texproj.color.balance.photometry import Photometry, solve_photometry
@@ -26,7 +27,6 @@ from texproj.color.patches.cut import Shots, cut
 from texproj.color.patches.labels import Labels, choose_photos, merge_islands
 from texproj.color.patches.seams import PatchBlends
 from texproj.color.patches.views import FacePoints, FaceViews, face_views, survey_options
-from texproj.color.points.source import Floats
 from texproj.color.points.texels import TexelPoints
 from texproj.color.result import Texture
 from texproj.color.sampling.depth_images import Depths

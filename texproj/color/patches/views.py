@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Floats
 from texproj.camera import Camera
 from texproj.color.balance.corrections import corrected, grids_of
 from texproj.color.balance.gains import Gains
 from texproj.color.balance.photometry import Photometry
-from texproj.color.points.source import CHUNK, Chunk, Floats, Owners
+from texproj.color.points.source import CHUNK, Chunk, Owners
 from texproj.color.sampling.store import Spill, Stack
 from texproj.color.weights.surface import facing, resolution
 from texproj.mesh import Mesh, face_areas, face_normals

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Floats
 from texproj.camera import Camera
-from texproj.color.points.source import Chunk, Floats, Owners
+from texproj.color.points.source import Chunk, Owners
 from texproj.mesh import Mesh, face_normals
 from texproj.render import Scene
 

@@ -8,13 +8,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Floats
 from texproj.mesh import Mesh, face_areas, vertex_normals
 
 CHUNK = 1 << 16
 """Points that are worked on at once: a few arrays of this length stay in the processor's cache,
 and a chunk's samples from many photos stay in memory."""
-
-Floats = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.color.points.source import Chunk, Floats, Owners
+from texproj.arrays import Floats
+from texproj.color.points.source import Chunk, Owners
 from texproj.mesh import Mesh, face_areas, vertex_normals
 from texproj.resources.scratch import Scratch
 from texproj.resources.threads import in_parallel

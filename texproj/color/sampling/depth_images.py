@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from texproj.arrays import Floats
 from texproj.camera import Camera
-from texproj.color.points.source import Floats
 from texproj.color.sampling.prepare import depth_seen
 from texproj.options import ColorOptions
 from texproj.render import Scene

@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Floats
 from texproj.camera import Camera
-from texproj.color.points.source import Floats
 from texproj.color.sampling.view import LENS_CELL, PhotoView, linear16
 
 Colors = NDArray[np.uint16]

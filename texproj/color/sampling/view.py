@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Floats
 from texproj.camera import Camera
-from texproj.color.points.source import Floats
 from texproj.photo import LINEAR_OF_SRGB8, PhotoInfo
 
 WHITE = 60000.0

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.color.points.source import Floats
+from texproj.arrays import Floats
 from texproj.options import ColorOptions
 from texproj.photo import Photo
 

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Floats
 from texproj.camera import Camera
-from texproj.color.points.source import Floats, Owners
+from texproj.color.points.source import Owners
 from texproj.options import ColorOptions
 
 DEPTH_TOLERANCE = 1e-3

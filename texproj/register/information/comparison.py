@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from texproj.arrays import Doubles, Floats
 from texproj.camera import Camera, Intrinsics
 from texproj.options import MutualInformationOptions
 from texproj.photo import Photo
@@ -21,7 +21,6 @@ from texproj.register.information.samples import (
 from texproj.register.structure.view import Render
 from texproj.render.gbuffer import GBuffer
 from texproj.solve.mutual_information import (
-    Array,
     Binned,
     Measure,
     binned,
@@ -29,8 +28,6 @@ from texproj.solve.mutual_information import (
     mutual_information_bits,
     normalized_mutual_information,
 )
-
-Image = NDArray[np.float32]
 
 BLUR_PX = 0.8
 """Smoothing of the reduced photo, so that sampling between pixels does not change its noise."""
@@ -54,7 +51,7 @@ class PhotoLevel:
     """
 
     camera: Camera
-    channels: Image
+    channels: Floats
 
     @classmethod
     def of(cls, photo: Photo, camera: Camera, longest_px: float, gradients: bool) -> PhotoLevel:
@@ -73,7 +70,7 @@ class PhotoLevel:
             Camera(wide, camera.pose), _undistorted(cv2.merge([gray, weight, edges]), lens, wide)
         )
 
-    def sampled(self, xy_px: Array) -> Image:
+    def sampled(self, xy_px: Doubles) -> Floats:
         """(n, 3) channels at pixels of this picture."""
         place = np.nan_to_num(xy_px - 0.5, nan=-9.0).astype(np.float32).reshape(-1, 1, 2)
         return cv2.remap(self.channels, place, None, cv2.INTER_LINEAR).reshape(-1, 3)
@@ -88,7 +85,7 @@ def _widened(lens: Intrinsics) -> Intrinsics:
     )  # fmt: skip
 
 
-def _undistorted(picture: Image, lens: Intrinsics, wide: Intrinsics) -> Image:
+def _undistorted(picture: Floats, lens: Intrinsics, wide: Intrinsics) -> Floats:
     if not lens.distorted:
         return picture
     x, y = np.meshgrid(np.arange(wide.width) + 0.5, np.arange(wide.height) + 0.5)
@@ -98,7 +95,7 @@ def _undistorted(picture: Image, lens: Intrinsics, wide: Intrinsics) -> Image:
     return cv2.remap(picture, places, None, cv2.INTER_LINEAR)
 
 
-def _projected(camera: Camera, xyz_in_world: Array) -> Array:
+def _projected(camera: Camera, xyz_in_world: Doubles) -> Doubles:
     """(n, 2) pixels by a camera without distortion."""
     K, pose = camera.intrinsics.K, camera.pose
     xyz = pose.apply(xyz_in_world)
@@ -112,7 +109,7 @@ class Layer:
     the photo's gradients, not its gray.
     """
 
-    xyz_in_world: Array
+    xyz_in_world: Doubles
     maps: tuple[Binned, ...]
     edges: bool = False
 
@@ -164,7 +161,7 @@ class Comparison:
         return self.level.camera
 
     @property
-    def points(self) -> Array:
+    def points(self) -> Doubles:
         """(n, 3) surface points in view."""
         return self.layers[0].xyz_in_world
 

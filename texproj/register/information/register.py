@@ -13,8 +13,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from texproj.arrays import Doubles
 from texproj.camera import Camera, Pose
 from texproj.errors import RegistrationError
 from texproj.options import MutualInformationOptions
@@ -39,8 +39,6 @@ from texproj.register.structure.verdict import Verdict, verify
 from texproj.register.structure.view import Render
 from texproj.solve.pose_search import CameraSteps, curvature
 from texproj.solve.reprojection import projection_jacobian
-
-Array = NDArray[np.float64]
 
 RESTARTS, ASIDE = 2, 0.01
 """Searches that start again beside the result, and how far, as a share of the width."""
@@ -222,7 +220,7 @@ def _quality(proof: Evidence) -> dict[str, Any]:
     }
 
 
-def _covariance(task: Task, shown: Comparison, camera: Camera) -> Array:
+def _covariance(task: Task, shown: Comparison, camera: Camera) -> Doubles:
     """(p, p) of rotation, translation (and log focal) as `Pose.step`: how sharp the peak is."""
     steps = CameraSteps.around(shown.camera, shown.points[::40], task.options.focal)
     bend = -curvature(objective(task, shown, steps, camera), steps.count, CURVATURE_RADIUS_PX)

@@ -14,13 +14,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Doubles, Floats, Mask
 from texproj.camera import Camera
 from texproj.options import MapName
 from texproj.render.gbuffer import GBuffer
-
-Array = NDArray[np.float64]
-Image = NDArray[np.float32]
-Mask = NDArray[np.bool_]
 
 RIM_PX = 1
 """Pixels along the outline that belong half to the background."""
@@ -33,7 +30,7 @@ rough comparison, in pixels for an exact one."""
 class Samples:
     """xyz_in_world: (n, 3); values: per map an (n,) float32 array in 0..1."""
 
-    xyz_in_world: Array
+    xyz_in_world: Doubles
     values: tuple[NDArray[np.float32], ...]
 
     def __len__(self) -> int:
@@ -105,14 +102,14 @@ def _thinned(mask: Mask, most: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]
     return y[keep], x[keep]
 
 
-def map_images(images: GBuffer, camera: Camera, maps: Sequence[MapName]) -> list[Image]:
+def map_images(images: GBuffer, camera: Camera, maps: Sequence[MapName]) -> list[Floats]:
     """(h, w) float32 images in 0..1 of the maps' components, one or three for each map.
 
     Parameters of the blends as in Corsini et al., "Image-to-geometry registration: a mutual
     information method exploiting illumination-related geometric properties", Pacific Graphics
     2009: occlusion where it is dark, normals where it is open.
     """
-    out: list[Image] = []
+    out: list[Floats] = []
     for name in maps:
         if name == "silhouette":
             continue
@@ -120,7 +117,7 @@ def map_images(images: GBuffer, camera: Camera, maps: Sequence[MapName]) -> list
     return out
 
 
-def _components(images: GBuffer, camera: Camera, name: MapName) -> list[Image]:
+def _components(images: GBuffer, camera: Camera, name: MapName) -> list[Floats]:
     normal, ao = images.normal_in_cam, images.ao
     assert normal is not None
     if name in ("normal-x", "normal-y", "normal-z"):
@@ -136,7 +133,7 @@ def _components(images: GBuffer, camera: Camera, name: MapName) -> list[Image]:
     return pictures
 
 
-def _reflected(images: GBuffer, camera: Camera) -> Image:
+def _reflected(images: GBuffer, camera: Camera) -> Floats:
     """(h, w, 3) the view direction mirrored at the surface, unit vectors in camera axes."""
     assert images.normal_in_cam is not None
     normal, k = images.normal_in_cam, camera.intrinsics
@@ -147,7 +144,7 @@ def _reflected(images: GBuffer, camera: Camera) -> Image:
     return view - 2 * along * normal
 
 
-def gradient_strength(image: Image, valid: Mask | None = None) -> Image:
+def gradient_strength(image: Floats, valid: Mask | None = None) -> Floats:
     """(h, w) float32 length of the gradient, square root taken and scaled to 0..1 by its 98th
     percentile; without what the border of `valid` adds.
     """

@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from texproj.arrays import Doubles
 from texproj.camera import Camera
 from texproj.options import MutualInformationOptions
 from texproj.photo import Correspondences, Photo
@@ -18,8 +18,6 @@ from texproj.register.structure.starts import motion_px
 from texproj.register.structure.view import Render
 from texproj.solve.lm import FAR, Loss
 from texproj.solve.pose_search import CameraSteps, Found, maximize
-
-Array = NDArray[np.float64]
 
 PROBES = 300
 INDEPENDENT_PX = 12.0
@@ -80,11 +78,11 @@ class Outcome:
 
 def objective(
     task: Task, comparison: Comparison, steps: CameraSteps, full: Camera
-) -> Callable[[Array], float]:
+) -> Callable[[Doubles], float]:
     """Log likelihood, nats, of the camera a step away from `full` (full size), up to a constant."""
     certain = np.log(2) * independent_samples(comparison)
 
-    def value(step_px: Array) -> float:
+    def value(step_px: Doubles) -> float:
         told = certain * comparison.information(steps.at(step_px))
         if task.picks is None:
             return told
@@ -132,21 +130,21 @@ def _climbed(task: Task, comparison: Comparison, here: Outcome, turn: Round) -> 
     return Outcome(camera, comparison.information(steps.at(best.x)), used)
 
 
-def moved(camera: Camera, steps: CameraSteps, step_px: Array) -> Camera:
+def moved(camera: Camera, steps: CameraSteps, step_px: Doubles) -> Camera:
     """The full camera, lens and all, moved as the pinhole camera of `steps` is."""
     end, k = steps.at(step_px), camera.intrinsics
     zoom = end.intrinsics.fx / steps.camera.intrinsics.fx
     return Camera(replace(k, fx=k.fx * zoom, fy=k.fy * zoom), end.pose)
 
 
-def _search(value: Callable[[Array], float], start: Array, turn: Round) -> Found:
+def _search(value: Callable[[Doubles], float], start: Doubles, turn: Round) -> Found:
     found = maximize(
         lambda x: value(start + x), len(start), turn.first, turn.last, turn.evaluations, turn.reach
     )
     return replace(found, x=start + found.x)
 
 
-def _spread_starts(value: Callable[[Array], float], count: int, spread: float) -> list[Array]:
+def _spread_starts(value: Callable[[Doubles], float], count: int, spread: float) -> list[Doubles]:
     """The best of random places around 0, `spread` pixels away."""
     rng = np.random.default_rng(0)
     places = rng.standard_normal((SCATTERED, count)) * spread / np.sqrt(2)

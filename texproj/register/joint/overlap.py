@@ -7,10 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Doubles
 from texproj.camera import Camera
 from texproj.register.structure.view import Render
-
-Array = NDArray[np.float64]
 
 SIGHT_PX = 256
 """Longer side of the depth images that decide what a photo sees."""
@@ -25,7 +24,7 @@ WIDEST_DEG = 50.0
 """Beyond this angle between the lines of sight patches no longer look alike."""
 
 
-def sees(camera: Camera, depth: NDArray[np.float32], xyz_in_world: Array) -> NDArray[np.bool_]:
+def sees(camera: Camera, depth: NDArray[np.float32], xyz_in_world: Doubles) -> NDArray[np.bool_]:
     """(n,) whether points are in the picture and not behind what `depth` shows."""
     h, w = depth.shape
     small = camera.resized(w, h)
@@ -36,7 +35,7 @@ def sees(camera: Camera, depth: NDArray[np.float32], xyz_in_world: Array) -> NDA
     return out
 
 
-def shared_views(cameras: Sequence[Camera], render: Render) -> tuple[Array, Array]:
+def shared_views(cameras: Sequence[Camera], render: Render) -> tuple[Doubles, Doubles]:
     """((n, n) share of what photo i sees that photo j sees too, (n, n) mean angle in degrees
     between their lines of sight there).
     """
@@ -55,7 +54,7 @@ def shared_views(cameras: Sequence[Camera], render: Render) -> tuple[Array, Arra
     return share, angle_deg
 
 
-def choose_partners(share: Array, angle_deg: Array, count: int) -> list[tuple[int, int]]:
+def choose_partners(share: Doubles, angle_deg: Doubles, count: int) -> list[tuple[int, int]]:
     """Ordered pairs (i, j): for each photo i up to `count` others, from the closest line of sight
     to the widest that still shares enough.
 
@@ -83,14 +82,14 @@ def _depth(camera: Camera, render: Render) -> NDArray[np.float32]:
     return depth
 
 
-def _surface_samples(camera: Camera, depth: NDArray[np.float32]) -> Array:
+def _surface_samples(camera: Camera, depth: NDArray[np.float32]) -> Doubles:
     row, column = np.nonzero(np.isfinite(depth))
     keep = np.linspace(0, len(row) - 1, min(SAMPLES_PER_PHOTO, len(row))).astype(int)
     row, column = row[keep], column[keep]
     return camera.unproject(np.stack([column, row], axis=1) + 0.5, depth[row, column])
 
 
-def _mean_angle_deg(xyz: Array, center: Array, other: Array) -> float:
+def _mean_angle_deg(xyz: Doubles, center: Doubles, other: Doubles) -> float:
     a, b = center - xyz, other - xyz
     cosine = (a * b).sum(1) / (np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1))
     return float(np.degrees(np.arccos(np.clip(cosine, -1, 1))).mean())

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Doubles
 from texproj.camera import Camera, Intrinsics
 from texproj.options import RefineOptions
 from texproj.register.joint.overlap import choose_partners, shared_views
@@ -32,7 +33,6 @@ from texproj.solve.joint import Anchors, JointPoses, Lenses, Ties
 from texproj.solve.lm import LmFit, LmOptions, Loss, minimize
 from texproj.solve.reprojection import Reprojection, projection_jacobian
 
-Array = NDArray[np.float64]
 Pair = tuple[int, int]
 
 FIRST_RADIUS_PX, LATER_RADIUS_PX = 8, 5
@@ -67,8 +67,8 @@ class Refined:
     cameras: Cameras
     thrown_out: dict[int, str]
     tied: tuple[int, ...]
-    expected_error_px: Array
-    motion_px: Array
+    expected_error_px: Doubles
+    motion_px: Doubles
     quality: dict[str, Any] = field(default_factory=dict)
 
 
@@ -138,15 +138,15 @@ class _Joint:
 
     given: Cameras
     start: Cameras
-    sigma_px: Array
+    sigma_px: Doubles
     fixed: NDArray[np.bool_]
     lenses: Lenses
     load_photo: LoadPhoto
     render: Render
-    points: list[Array]
+    points: list[Doubles]
     photos: Kept[tuple[int, int], Any]
 
-    def working_scale(self, longest: int) -> Array:
+    def working_scale(self, longest: int) -> Doubles:
         """(n,) pixels of each reduced photo per pixel of the full one."""
         return np.array([min(1.0, longest / max(c.width, c.height)) for c in self.given])
 
@@ -193,7 +193,7 @@ class _Joint:
         fit = minimize(problem, cameras, TIE_LOSS, STEPS)
         return fit.x, fit
 
-    def motion_px(self, before: Cameras, after: Cameras) -> Array:
+    def motion_px(self, before: Cameras, after: Cameras) -> Doubles:
         """(n,) mean motion of the surface in each photo, full-size pixels."""
         motion = np.zeros(len(before))
         for k, points in enumerate(self.points):
@@ -242,7 +242,7 @@ def _best_support(found: dict[Pair, TieSearch]) -> dict[int, float]:
 
 
 def _shared_lenses(
-    cameras: Sequence[Camera], points: list[Array], lenses: Sequence[Hashable],
+    cameras: Sequence[Camera], points: list[Doubles], lenses: Sequence[Hashable],
     fixed: NDArray[np.bool_], options: RefineOptions,
 ) -> tuple[Cameras, Lenses]:  # fmt: skip
     """The cameras with the median focal length of their lens, and what is shared."""
@@ -275,7 +275,7 @@ def _common_lens(k: int, group: NDArray[np.intp], cameras: Sequence[Camera]) -> 
     return replace(own, fx=fx, fy=fx * aspect, cx=float(cx), cy=float(cy), dist=tuple(dist))
 
 
-def _relensed(camera: Camera, lens: Intrinsics, points: Array) -> Camera:
+def _relensed(camera: Camera, lens: Intrinsics, points: Doubles) -> Camera:
     """The camera with another lens, at the pose from which the surface looks most the same."""
     xy, _ = camera.project(points)
     usable = np.isfinite(xy).all(axis=1)
@@ -304,7 +304,7 @@ def _at_full_size(ties: Ties, to_full: float, source: Camera) -> Ties:
     return replace(ties, to_px=ties.to_px * to_full, focal_in_source=focal)
 
 
-def _spread_px(camera: Camera, points: Array, covariance: Array) -> float:
+def _spread_px(camera: Camera, points: Doubles, covariance: Doubles) -> float:
     """Root mean square image deviation of the surface under the pose's covariance."""
     jacobian = projection_jacobian(camera, points)
     variance = jacobian @ covariance @ jacobian.transpose(0, 2, 1)

@@ -7,14 +7,13 @@ from collections.abc import Callable, Hashable, Sequence
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from texproj.arrays import Doubles
 from texproj.camera import Camera
 from texproj.photo import Photo
 from texproj.register.joint.ties import PhotoView, photo_view
 from texproj.register.structure.view import Render
 
-Array = NDArray[np.float64]
 Cameras = tuple[Camera, ...]
 LoadPhoto = Callable[[int, int], Photo]
 """``load_photo(number, longest)``: the photo with its longer side reduced to `longest`."""
@@ -65,12 +64,12 @@ class Views:
         return photo_view(camera, photo.gray(), self._render(camera), photo.mask)
 
 
-def anchor_points(cameras: Sequence[Camera], render: Render) -> list[Array]:
+def anchor_points(cameras: Sequence[Camera], render: Render) -> list[Doubles]:
     """For each camera (n, 3) world points of the surface, spread over its picture."""
     return [_spread_points(camera.scaled(256 / camera.width), render) for camera in cameras]
 
 
-def _spread_points(camera: Camera, render: Render) -> Array:
+def _spread_points(camera: Camera, render: Render) -> Doubles:
     depth = render(camera).depth
     assert depth is not None
     row, column = np.nonzero(np.isfinite(depth))

@@ -10,14 +10,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Doubles, Floats, Index
 from texproj.camera import Camera, Intrinsics
 from texproj.render import GBuffer, ideal_grid
 from texproj.solve.joint import Ties
 from texproj.solve.matching import match_patches
-from texproj.solve.orientation import DARK, PRE_BLUR_PX, Field, Gray
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
+from texproj.solve.orientation import DARK, PRE_BLUR_PX, Field
 
 PATCH_PX = 15
 STEP_PX = 24
@@ -38,7 +36,7 @@ class PhotoView:
     """
 
     camera: Camera
-    gray: Gray
+    gray: Floats
     images: GBuffer
     valid: NDArray[np.bool_]
 
@@ -47,7 +45,7 @@ class PhotoView:
         return gradient_field(self.gray)
 
     @cached_property
-    def corners(self) -> Gray:
+    def corners(self) -> Floats:
         """(h, w) how well a patch around a pixel can be located."""
         return cv2.cornerMinEigenVal(np.log(self.gray + np.float32(DARK)), PATCH_PX)
 
@@ -80,7 +78,7 @@ class TieSearch:
 
 
 def photo_view(
-    camera: Camera, gray: Gray, images: GBuffer, mask: NDArray[np.uint8] | None
+    camera: Camera, gray: Floats, images: GBuffer, mask: NDArray[np.uint8] | None
 ) -> PhotoView:
     """Bring a photo and its rendering together; mask: 0 = do not use."""
     assert images.depth is not None
@@ -103,7 +101,7 @@ def find_ties(i: int, j: int, views: Lookup, radius_px: int) -> TieSearch:
     return TieSearch(ties, len(centers))
 
 
-def gradient_field(gray: Gray) -> Field:
+def gradient_field(gray: Floats) -> Field:
     """(h, w) complex: gradient of the logarithm, so that exposure does not matter."""
     smooth = cv2.GaussianBlur(np.log(gray + np.float32(DARK)), (0, 0), PRE_BLUR_PX)
     out = np.empty(gray.shape, np.complex64)
@@ -112,7 +110,7 @@ def gradient_field(gray: Gray) -> Field:
     return out
 
 
-def corner_grid(corners: Gray, valid: NDArray[np.bool_]) -> Index:
+def corner_grid(corners: Floats, valid: NDArray[np.bool_]) -> Index:
     """(n, 2) x, y of the most corner-like valid pixel of each square of the grid, but for squares
     with less than half the structure of the median one (nothing there can be located).
     """
@@ -129,7 +127,7 @@ def corner_grid(corners: Gray, valid: NDArray[np.bool_]) -> Index:
     return np.stack([column * STEP_PX + inner_x, row * STEP_PX + inner_y], axis=1)
 
 
-def _warped(here: PhotoView, other: PhotoView) -> tuple[Gray, NDArray[np.bool_]]:
+def _warped(here: PhotoView, other: PhotoView) -> tuple[Floats, NDArray[np.bool_]]:
     """(h, w) luma of `other` in the picture of `here`, and where both see the same surface."""
     assert other.images.depth is not None
     other_from_here = other.camera.pose @ here.camera.pose.inverse
@@ -159,7 +157,7 @@ def _pixels(k: Intrinsics, xyz_in_cam: NDArray[np.float32]) -> NDArray[np.float3
     return np.where(seen, at, -1e4).astype(np.float32)
 
 
-def _ties(i: int, j: int, views: Lookup, at: tuple[Index, Index], found_px: Array) -> Ties:
+def _ties(i: int, j: int, views: Lookup, at: tuple[Index, Index], found_px: Doubles) -> Ties:
     """Ties for the surface under the pixels `at` (x, y) of photo i, seen there in truth at
     `found_px`. Surface that photo j sees at a grazing angle is left out.
     """

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
+from texproj.arrays import Mask
 from texproj.camera import Camera, Intrinsics
 from texproj.errors import RegistrationError
 from texproj.mesh import Mesh
@@ -16,7 +17,6 @@ from texproj.photo import Photo
 from texproj.records import Fit
 from texproj.register.information.register import register_mutual_information
 from texproj.register.information.search import MIDDLE, Outcome, Task, ascend
-from texproj.register.outline.object_mask import Mask
 from texproj.register.outline.register import Hypothesis, hypotheses
 from texproj.register.structure.register import register_structure
 from texproj.register.structure.starts import motion_px

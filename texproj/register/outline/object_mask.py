@@ -6,11 +6,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Floats, Mask
 from texproj.errors import RegistrationError
 from texproj.photo import Photo, srgb_from_linear
-
-Mask = NDArray[np.bool_]
-Floats = NDArray[np.float32]
 
 LONGEST = 384
 """Longer side, pixels, at which photos are segmented."""

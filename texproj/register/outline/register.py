@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Doubles, Mask
 from texproj.camera import Camera, Intrinsics
 from texproj.errors import RegistrationError
 from texproj.mesh import Mesh
@@ -28,9 +29,6 @@ from texproj.register.structure.view import Render
 from texproj.solve.lm import LmFit, LmOptions, Loss, minimize
 from texproj.solve.reprojection import projection_jacobian
 from texproj.solve.silhouette import OutlineDistance, outline, signed_distance, xor_share
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 SEARCH_PX = 96
 """Longer side of the picture in which views are compared."""
@@ -51,7 +49,7 @@ class Hypothesis:
     camera: Camera
     xor: float
     fit: LmFit[Camera] | None = None
-    points: Array | None = None
+    points: Doubles | None = None
 
 
 def guessed_lens(info: PhotoInfo) -> Intrinsics:
@@ -135,7 +133,7 @@ def fitted(start: Camera, mask: Mask, render: Render, longest_px: int, rounds: i
     distance, scale_px = signed_distance(wanted), 0.02 * longest_px
     best = Hypothesis(start, np.inf)
     fit: LmFit[Camera] | None = None
-    points: Array | None = None
+    points: Doubles | None = None
     for turn in range(rounds + 1):
         images = render(camera)
         assert images.depth is not None
@@ -152,7 +150,7 @@ def fitted(start: Camera, mask: Mask, render: Render, longest_px: int, rounds: i
     return best
 
 
-def _outline_points(solid: Mask, depth: NDArray[np.float32], camera: Camera) -> Array:
+def _outline_points(solid: Mask, depth: NDArray[np.float32], camera: Camera) -> Doubles:
     y, x = outline(solid)
     step = max(1, len(y) // MOST_POINTS)
     y, x = y[::step], x[::step]

@@ -5,16 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from texproj.arrays import Doubles, Mask
 from texproj.camera import Camera, Intrinsics, Pose
 from texproj.mesh import Mesh, face_areas
 from texproj.register.structure.starts import motion_px, placed_pose
 from texproj.solve.placement import Placement
 from texproj.solve.silhouette import Signature, best_turns, sphere_directions, splatted
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 POINTS = 15_000
 """Surface points whose images make an outline: several per pixel of the search."""
@@ -33,14 +30,14 @@ class OutlineView:
     overlap: float
 
 
-def surface_points(mesh: Mesh, count: int, seed: int = 0) -> Array:
+def surface_points(mesh: Mesh, count: int, seed: int = 0) -> Doubles:
     """(count, 3) points spread evenly over the surface by area."""
     rng = np.random.default_rng(seed)
     areas = face_areas(mesh)
     faces = rng.choice(len(areas), count, p=areas / areas.sum())
     a, b = np.sort(rng.random((2, count)), axis=0)
     weights = np.stack([a, b - a, 1 - b], axis=1)
-    out: Array = np.einsum("nk,nkd->nd", weights, mesh.vertices[mesh.faces[faces]])
+    out: Doubles = np.einsum("nk,nkd->nd", weights, mesh.vertices[mesh.faces[faces]])
     return out
 
 

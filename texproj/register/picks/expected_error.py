@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from texproj.arrays import Doubles
 from texproj.solve.reprojection import projection_jacobian
 from texproj.solve.robust import Estimate
-
-Array = NDArray[np.float64]
 
 MOST_POINTS = 1000
 """So many points of the surface are enough to average over."""
 
 
-def surface_points(estimate: Estimate, surface: Array | None) -> Array:
+def surface_points(estimate: Estimate, surface: Doubles | None) -> Doubles:
     """(m, 3) world points over which the expected error is averaged: those of `surface` that fall
     inside the picture; without any, the box that the inliers span.
     """
@@ -27,7 +25,7 @@ def surface_points(estimate: Estimate, surface: Array | None) -> Array:
     return _picked_box(estimate)
 
 
-def expected_error_px(estimate: Estimate, free: tuple[str, ...], points: Array) -> float:
+def expected_error_px(estimate: Estimate, free: tuple[str, ...], points: Doubles) -> float:
     """Root mean square length, over the world `points`, of the image displacement that the
     covariance predicts, pixels.
 
@@ -38,13 +36,13 @@ def expected_error_px(estimate: Estimate, free: tuple[str, ...], points: Array) 
     return float(np.sqrt(predicted_variance(estimate, free, points).mean() * student))
 
 
-def predicted_variance(estimate: Estimate, free: tuple[str, ...], points: Array) -> Array:
+def predicted_variance(estimate: Estimate, free: tuple[str, ...], points: Doubles) -> Doubles:
     """(m,) variance of the length of the displacement of each world point's image, px^2."""
     jacobian = projection_jacobian(estimate.camera, points, free)
     return np.einsum("nij,jk,nik->n", jacobian, estimate.covariance, jacobian)
 
 
-def _picked_box(estimate: Estimate) -> Array:
+def _picked_box(estimate: Estimate) -> Doubles:
     """(75, 3) points: a grid over the inliers' rectangle in the picture, at three depths."""
     camera = estimate.camera
     xy, depth = camera.project(estimate.fit_points)

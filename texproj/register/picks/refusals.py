@@ -7,12 +7,11 @@ from math import lgamma, log, pi
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Doubles
 from texproj.errors import RegistrationError
 from texproj.photo import Correspondences, PhotoInfo
 from texproj.register.picks.search import Candidate
 from texproj.solve.robust import Estimate
-
-Array = NDArray[np.float64]
 
 FALSE_ALARMS = 1e-2
 """Largest expected number of chance agreements as good as the one found (a contrario: Moisan,
@@ -94,7 +93,9 @@ def refuse_too_few(info: PhotoInfo, picks: Correspondences, best: Candidate) -> 
         )
 
 
-def refuse_rival(info: PhotoInfo, candidates: list[Candidate], points: Array, limit: float) -> None:
+def refuse_rival(
+    info: PhotoInfo, candidates: list[Candidate], points: Doubles, limit: float
+) -> None:
     """Raise RegistrationError if another camera, which puts the surface elsewhere, is not
     clearly worse."""
     best = candidates[0].estimate
@@ -108,7 +109,7 @@ def refuse_rival(info: PhotoInfo, candidates: list[Candidate], points: Array, li
             )
 
 
-def apart_px(a: Estimate, b: Estimate, points: Array) -> float:
+def apart_px(a: Estimate, b: Estimate, points: Doubles) -> float:
     """Root mean square distance between the images of world points in two cameras; inf if one
     does not see them all."""
     apart = a.camera.project(points)[0] - b.camera.project(points)[0]
@@ -167,7 +168,7 @@ def _refuse_extent(info: PhotoInfo, picks: Correspondences, used: NDArray[np.boo
         )
 
 
-def _away_from(info: PhotoInfo, xy: Array) -> str:
+def _away_from(info: PhotoInfo, xy: Doubles) -> str:
     """The quarter of the picture whose center is furthest from the line through the picks."""
     center = xy.mean(axis=0)
     across = np.linalg.svd(xy - center)[2][1]
@@ -182,10 +183,10 @@ def _away_from(info: PhotoInfo, xy: Array) -> str:
     return f"in the {max(names, key=far)} of the photo"
 
 
-def _extents(points: Array) -> Array:
+def _extents(points: Doubles) -> Doubles:
     """Standard deviations along the principal axes, largest first."""
     singular = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    out: Array = np.zeros(3)
+    out: Doubles = np.zeros(3)
     out[: len(singular)] = singular / np.sqrt(len(points))
     return out
 

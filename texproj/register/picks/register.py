@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from texproj.arrays import Doubles
 from texproj.camera import Intrinsics, Pose
 from texproj.errors import RegistrationError
 from texproj.options import PointsOptions
@@ -16,8 +16,6 @@ from texproj.register.picks import refusals as check
 from texproj.register.picks.expected_error import expected_error_px, surface_points
 from texproj.register.picks.lens import Lens, lens_guess
 from texproj.register.picks.search import Candidate, Search
-
-Array = NDArray[np.float64]
 
 DEFAULTS = PointsOptions()
 
@@ -38,7 +36,7 @@ def register_points(
     prior: Intrinsics | None = None,
     options: PointsOptions = DEFAULTS,
     start: Pose | None = None,
-    surface: Array | None = None,
+    surface: Doubles | None = None,
 ) -> Fit:
     """The camera that the picks see.
 
@@ -97,7 +95,7 @@ def wrong_chance(given: Candidate, looser: Candidate) -> float:
     return float(odds / (1 + odds))
 
 
-def _doubted_error_px(best: Candidate, doubt: Candidate | None, points: Array) -> float:
+def _doubted_error_px(best: Candidate, doubt: Candidate | None, points: Doubles) -> float:
     """Expected error with the chance that the lens is not the one given."""
     error = expected_error_px(best.estimate, best.lens.free, points)
     if doubt is None:
@@ -113,7 +111,7 @@ def _judged(
     lens: Lens,
     candidates: list[Candidate],
     doubt: Candidate | None,
-    surface: Array | None,
+    surface: Doubles | None,
 ) -> Fit:
     """The best candidate as a Fit, if nothing speaks against it."""
     info, picks, best = search.info, search.picks, candidates[0]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from texproj.camera import Camera, Pose
 from texproj.options import PointsOptions
@@ -15,8 +14,6 @@ from texproj.solve.lm import LmOptions, Loss, minimize
 from texproj.solve.pnp import MsacOptions, sampled_poses
 from texproj.solve.reprojection import Reprojection
 from texproj.solve.robust import Estimate, Noise, robust_estimate
-
-Array = NDArray[np.float64]
 
 GROSS = 0.015
 """A pick further off than this part of the longer side is wrong, whatever the noise."""

@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Doubles
 from texproj.camera import Camera, Intrinsics
 from texproj.photo import Photo
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -75,7 +74,7 @@ class Window:
         return replace(part, intrinsics=whole)
 
 
-def _span(low: Array, high: Array, pad: float, limit: int) -> tuple[float, float]:
+def _span(low: Doubles, high: Doubles, pad: float, limit: int) -> tuple[float, float]:
     return max(0.0, float(low.min()) - pad), min(float(limit), float(high.max()) + pad)
 
 

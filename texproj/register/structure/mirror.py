@@ -10,13 +10,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Doubles
 from texproj.camera import Camera, Intrinsics, Pose
 from texproj.register.structure.solve import Candidate, approach
 from texproj.register.structure.starts import placed_starts
 from texproj.register.structure.view import COARSE, StructureView
 from texproj.solve.placement import placements
-
-Array = NDArray[np.float64]
 
 SCALES = (0.86, 1.0, 1.16)
 STARTS = 2
@@ -49,13 +48,13 @@ def mirrored_candidate(
     return None
 
 
-def _middle_in_cam(camera: Camera, depth: NDArray[np.float32], valid: NDArray[np.bool_]) -> Array:
+def _middle_in_cam(camera: Camera, depth: NDArray[np.float32], valid: NDArray[np.bool_]) -> Doubles:
     y, x = np.nonzero(valid)
     xyz = camera.unproject(np.stack([x, y], axis=1) + 0.5, depth[valid])
     return np.median(camera.pose.apply(xyz), axis=0)
 
 
-def mirrored_camera(camera: Camera, middle_in_cam: Array, facing_in_cam: Array) -> Camera:
+def mirrored_camera(camera: Camera, middle_in_cam: Doubles, facing_in_cam: Doubles) -> Camera:
     """The camera that sees a symmetric object as the mirrored picture of `camera` shows it.
 
     The plane of symmetry is taken upright in the picture, through `middle_in_cam` (3,) and along

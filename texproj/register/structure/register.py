@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from texproj.arrays import Doubles
 from texproj.camera import Camera
 from texproj.errors import RegistrationError
 from texproj.options import StructureOptions
@@ -32,8 +32,6 @@ from texproj.register.structure.verdict import Verdict, judge
 from texproj.register.structure.view import Observation, Render, StructureView
 from texproj.solve.lm import LmFit
 from texproj.solve.reprojection import projection_jacobian
-
-Array = NDArray[np.float64]
 
 STARTS_EACH = 2
 """Starts taken from each position of the wider search."""
@@ -169,7 +167,7 @@ def _fit(
 
 
 def _spread_px(
-    camera: Camera, seen: Observation, uncertainty: Array, lens: tuple[str, ...]
+    camera: Camera, seen: Observation, uncertainty: Doubles, lens: tuple[str, ...]
 ) -> float:
     """Standard deviation of the surface's image by the fit's covariance, pixels of the level."""
     jacobian = projection_jacobian(camera, seen.xyz_in_world, lens)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Doubles
 from texproj.camera import Camera
 from texproj.options import StructureOptions
 from texproj.register.structure.starts import motion_px
@@ -14,8 +15,6 @@ from texproj.register.structure.view import FINE, MIDDLE, Observation, PatchRule
 from texproj.solve.lm import LmFit, LmOptions, Loss, minimize
 from texproj.solve.pnp import MsacOptions, msac_pose
 from texproj.solve.reprojection import Prior, Reprojection
-
-Array = NDArray[np.float64]
 
 # In pixels of levels that are 768 and 384 px long; chosen on two scenes (see the benchmark).
 WIDE = PatchRule(MIDDLE, size_px=41, step_px=18, radius_px=20, peaks=2)
@@ -79,7 +78,7 @@ class Candidate:
 
     camera: Camera
     support: float
-    seen: Array
+    seen: Doubles
 
 
 def approach(view: StructureView, start: Camera) -> Candidate | None:
@@ -147,7 +146,7 @@ def _settle(
     return seen, fit
 
 
-def covariance(seen: Observation, fit: LmFit[Camera]) -> Array:
+def covariance(seen: Observation, fit: LmFit[Camera]) -> Doubles:
     """(p, p) of the fit's parameters; overlapping patches repeat each other."""
     return fit.covariance() * (seen.rule.size_px / seen.rule.step_px) ** 2
 

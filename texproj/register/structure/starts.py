@@ -9,11 +9,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Doubles
 from texproj.camera import Camera, Pose
 from texproj.register.structure.view import COARSE, StructureView
 from texproj.solve.placement import Placement, pivot_px, placements
-
-Array = NDArray[np.float64]
 
 LEAST_PIXELS = 200
 """Mesh pixels at the coarse level below which there is nothing to place."""
@@ -74,13 +73,13 @@ def cameras_around(view: StructureView, prior: Camera) -> list[Camera]:
     return [*orbits, *(_orbited(prior, middle, np.zeros(3), d) for d in DISTANCES)]
 
 
-def _orbited(camera: Camera, middle_in_cam: Array, turn: Array, distance: float) -> Camera:
+def _orbited(camera: Camera, middle_in_cam: Doubles, turn: Doubles, distance: float) -> Camera:
     R = cv2.Rodrigues(turn.reshape(3, 1))[0]
     t = R @ (camera.pose.t - middle_in_cam) + middle_in_cam * distance
     return replace(camera, pose=Pose(R @ camera.pose.R, t))
 
 
-def placed_pose(camera: Camera, placement: Placement, pivot: Array, depth: float) -> Pose:
+def placed_pose(camera: Camera, placement: Placement, pivot: Doubles, depth: float) -> Pose:
     """The pose whose view is that of `camera` with `placement` applied about `pivot` (2,) px,
     exactly so for a surface at `depth` that is small in the picture.
     """
@@ -92,14 +91,14 @@ def placed_pose(camera: Camera, placement: Placement, pivot: Array, depth: float
     return Pose(turn @ camera.pose.R, turn @ nearer)
 
 
-def ray_in_cam(camera: Camera, xy_px: Array) -> Array:
+def ray_in_cam(camera: Camera, xy_px: Doubles) -> Doubles:
     """(3,) direction with z = 1, camera axes, that the pixel sees."""
     k = camera.intrinsics
     ideal = k.undistort((np.asarray(xy_px, float).reshape(1, 2) - (k.cx, k.cy)) / (k.fx, k.fy))[0]
     return np.array([ideal[0], ideal[1], 1.0])
 
 
-def motion_px(camera: Camera, other: Camera, xyz_in_world: Array) -> float:
+def motion_px(camera: Camera, other: Camera, xyz_in_world: Doubles) -> float:
     """Mean distance between the two cameras' images of the points, pixels; inf if neither
     sees any of them."""
     gap = np.linalg.norm(camera.project(xyz_in_world)[0] - other.project(xyz_in_world)[0], axis=1)
@@ -107,14 +106,14 @@ def motion_px(camera: Camera, other: Camera, xyz_in_world: Array) -> float:
     return float(gap.mean()) if len(gap) else float("inf")
 
 
-def _probes(camera: Camera, depth: NDArray[np.float32], valid: NDArray[np.bool_]) -> Array:
+def _probes(camera: Camera, depth: NDArray[np.float32], valid: NDArray[np.bool_]) -> Doubles:
     y, x = np.nonzero(valid)
     pick = np.linspace(0, len(x) - 1, min(PROBES, len(x))).astype(int)
     y, x = y[pick], x[pick]
     return camera.unproject(np.stack([x, y], axis=1) + 0.5, depth[y, x])
 
 
-def _turn_between(a: Array, b: Array) -> Array:
+def _turn_between(a: Doubles, b: Doubles) -> Doubles:
     """(3, 3) the smallest rotation that takes direction a to direction b."""
     axis = np.cross(a, b)
     sine, cosine = np.linalg.norm(axis), a @ b

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from texproj.arrays import Doubles
 from texproj.camera import Camera
 from texproj.options import StructureOptions
 from texproj.photo import Photo
@@ -26,8 +26,6 @@ from texproj.register.structure.solve import (
 )
 from texproj.register.structure.starts import motion_px
 from texproj.register.structure.view import FINE, Observation, PatchRule, Render, StructureView
-
-Array = NDArray[np.float64]
 
 MOST_SIGMAS = 4.0
 """Deviation of the focal length from the one given that is no longer believed."""
@@ -107,7 +105,7 @@ def covered_share(seen: Observation) -> float:
     return len(held) / max(len(asked), 1)
 
 
-def _cells(xy_px: Array, size: tuple[int, int]) -> set[tuple[int, int]]:
+def _cells(xy_px: Doubles, size: tuple[int, int]) -> set[tuple[int, int]]:
     column, row = (xy_px * CELLS / size).astype(int).T
     return set(zip(column.tolist(), row.tolist(), strict=True))
 

@@ -9,14 +9,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Doubles, Floats
 from texproj.camera import Camera
 from texproj.photo import Photo
 from texproj.register.structure.crop import Window
 from texproj.render.gbuffer import GBuffer
 from texproj.solve.matching import PatchMatches, match_patches, patch_grid
-from texproj.solve.orientation import Field, Gray, photo_field, render_field
+from texproj.solve.orientation import Field, photo_field, render_field
 
-Array = NDArray[np.float64]
 Render = Callable[[Camera], GBuffer]
 
 FINE, MIDDLE, COARSE = 0, 1, 2
@@ -58,16 +58,16 @@ class Observation:
 
     camera: Camera
     rule: PatchRule
-    grid_px: Array
+    grid_px: Doubles
     matches: PatchMatches
-    xyz_in_world: Array
+    xyz_in_world: Doubles
 
     @property
     def patches(self) -> int:
         return len(self.grid_px)
 
     @property
-    def offset_px(self) -> Array:
+    def offset_px(self) -> Doubles:
         """(n, 2) found minus predicted position, pixels of the level."""
         return self.matches.target_px - self.matches.source_px
 
@@ -160,7 +160,7 @@ def _field(photo: Photo, longest_px: float) -> Field:
     return photo_field(gray, valid)
 
 
-def _channels(images: GBuffer) -> list[Gray]:
+def _channels(images: GBuffer) -> list[Floats]:
     """Normal x, y, z and ambient occlusion."""
     if images.normal_in_cam is None or images.ao is None:
         raise ValueError("structure needs a rendering with depth, normal and ao")
@@ -168,7 +168,7 @@ def _channels(images: GBuffer) -> list[Gray]:
     return [*normal, images.ao]
 
 
-def _depth(images: GBuffer) -> Gray:
+def _depth(images: GBuffer) -> Floats:
     if images.depth is None:
         raise ValueError("structure needs a rendering with depth, normal and ao")
     return images.depth
@@ -187,7 +187,7 @@ def _eroded(solid: NDArray[np.bool_], rim_px: int) -> NDArray[np.bool_]:
     return cv2.erode(solid.astype(np.uint8), kernel, **border) > 0
 
 
-def _extended(channel: Gray, solid: NDArray[np.bool_]) -> Gray:
+def _extended(channel: Floats, solid: NDArray[np.bool_]) -> Floats:
     """The channel with the nearest solid pixel's value wherever it is not solid."""
     if not solid.any():
         return channel
