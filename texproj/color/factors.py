@@ -16,6 +16,7 @@ from texproj.arrays import Floats
 from texproj.camera import Camera
 from texproj.color.balance.corrections import corrected, gains_of, grids_of
 from texproj.color.balance.focus import solve_photos
+from texproj.color.balance.shared_points import Surveyor
 from texproj.color.blending.combine import blend
 from texproj.color.blending.highlights import highlight_factor
 from texproj.color.points.source import Chunk, PointSource
@@ -81,10 +82,10 @@ def photo_factors(
                     found[number] = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
             yield view
 
-    spill, survey = project_views(
-        job.points, views(), len(job.cameras), job.options, job.scratch, progress
-    )
-    light, focus = solve_photos(survey, job.options)
+    count = len(job.cameras)
+    surveyor = Surveyor(job.points, count, job.options.focus_power > 0)
+    spill = project_views(job.points, views(), surveyor, count, job.options, job.scratch, progress)
+    light, focus = solve_photos(surveyor.survey(), job.options)
     gains, grids = gains_of(light.corrections), grids_of(job.cameras, light.corrections)
     for number, factors in found.items():
         parts = []

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from texproj.arrays import Floats
 from texproj.camera import Camera
-from texproj.color.balance.corrections import corrected, grids_of
-from texproj.color.balance.gains import Gains
+from texproj.color.balance.corrections import Gains, corrected, grids_of
 from texproj.color.balance.photometry import Photometry
 from texproj.color.points.source import CHUNK, Chunk, Owners
 from texproj.color.sampling.store import Spill, Stack

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from texproj.arrays import Floats
 from texproj.camera import Camera
-from texproj.color.blending.bands import soft_light
+from texproj.color.sampling.light_around import soft_light
 from texproj.color.sampling.pixel_lookup import photo_pixels, rescaled
 from texproj.color.sampling.view import WHITE, PhotoView, linear16
 from texproj.color.weights.picture import picture_factors, silhouette_factor
