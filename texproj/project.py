@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -100,14 +100,30 @@ class Project:
 
     @cached_property
     def photo_paths(self) -> dict[str, Path]:
-        """The photos by file name, in the order of their names. Raises InputError for none."""
+        """The photos by file name, in the order of their names, less those that the settings leave
+        out. Raises InputError for none, UsageError where the settings leave out an unknown one.
+        """
         folder = self.root / self.settings.photos
         found = _files(folder, PHOTO_SUFFIXES)
         if not found:
             kinds = ", ".join(s[1:] for s in PHOTO_SUFFIXES)
             raise InputError(f"no photos in {folder}; put some there ({kinds})")
-        _refuse_same_stems(found)
-        return {path.name: path for path in found}
+        left_out = self._excluded([path.name for path in found])
+        taken = [path for path in found if path.name not in left_out]
+        if not taken:
+            raise InputError(f"`exclude` in {self.root / SETTINGS_FILE} leaves out every photo")
+        _refuse_same_stems(taken)
+        return {path.name: path for path in taken}
+
+    def _excluded(self, present: Sequence[str]) -> set[str]:
+        """The photos that the settings leave out. Raises UsageError for one that is not there."""
+        for name in self.settings.exclude:
+            if name not in present:
+                raise UsageError(
+                    f"{self.root / SETTINGS_FILE}: exclude: no photo {name!r} in"
+                    f" {self.root / self.settings.photos}{nearest_name(name, present)}"
+                )
+        return set(self.settings.exclude)
 
     @property
     def photo_names(self) -> list[str]:
@@ -185,14 +201,15 @@ class Project:
         write_atomically(path, cameras_json(ordered, old.extra if old else {}))
 
     def save_registration(
-        self, records: Sequence[CameraRecord], stage: str, name: str | None, made: dict[str, Any]
+        self, records: Iterable[CameraRecord], stage: str, made: Mapping[str | None, Any]
     ) -> None:
-        """Write `records` to cameras.json and `made`, the record of how they came about: both, or,
-        where one cannot be written, neither. Raises OutputError.
+        """Write `records` to cameras.json and the records of how they came about, by photo or, of
+        all together, under None: both, or, where one cannot be written, neither. Raises OutputError.
         """
-        path = self.record_path(stage, name)
-        with staging(path.parent) as folder:
-            (folder / path.name).write_text(json.dumps(made, indent=1), encoding="utf-8")
+        paths = {self.record_path(stage, name): told for name, told in made.items()}
+        with staging(next(iter(paths)).parent) as folder:
+            for path, told in paths.items():
+                (folder / path.name).write_text(json.dumps(told, indent=1), encoding="utf-8")
             self.save_cameras(records)
 
     def check_writable(self, *folders: Path) -> None:

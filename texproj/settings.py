@@ -48,11 +48,13 @@ class Settings:
     """The settings of a project.
 
     mesh: path of the mesh relative to the project, None = the one file in mesh/;
-    photos: folder of the photos; sections: options by name of their table in project.toml.
+    photos: folder of the photos; exclude: names of photos in it that are left out of everything;
+    sections: options by name of their table in project.toml.
     """
 
     mesh: str | None = None
     photos: str = DEFAULT_PHOTOS
+    exclude: tuple[str, ...] = ()
     sections: Mapping[str, Any] = field(default_factory=dict)
 
     def options(self, name: str) -> Any:
@@ -76,13 +78,16 @@ def read_settings(text: str, where: str) -> Settings:
         raise InputError(f"{where} is not valid TOML: {error}") from None
     except (ValueError, RecursionError):
         raise InputError(f"{where}: a number is too long, or it is nested too deeply") from None
-    known = ["mesh", "photos", *SECTIONS]
+    known = ["mesh", "photos", "exclude", *SECTIONS]
     for key in data:
         if key not in known:
             raise UsageError(f"{where}: unknown key {key!r}{nearest_name(key, known)}")
     for key in ("mesh", "photos"):
         if key in data and not (isinstance(data[key], str) and data[key]):
             raise UsageError(f"{where}: {key} must be a path in quotes")
+    exclude = data.get("exclude", [])
+    if not (isinstance(exclude, list) and all(isinstance(name, str) for name in exclude)):
+        raise UsageError(f'{where}: exclude must be a list of photos: exclude = ["IMG_0007.jpg"]')
     sections: dict[str, Any] = {}
     for name, cls in SECTIONS.items():
         table = data.get(name, {})
@@ -91,4 +96,4 @@ def read_settings(text: str, where: str) -> Settings:
                 f"{where}: {name} must be a table: write [{name}] on a line of its own"
             )
         sections[name] = options_from(cls, table, f"{where} [{name}]")
-    return Settings(data.get("mesh"), data.get("photos", DEFAULT_PHOTOS), sections)
+    return Settings(data.get("mesh"), data.get("photos", DEFAULT_PHOTOS), tuple(exclude), sections)

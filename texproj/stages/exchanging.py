@@ -28,7 +28,6 @@ from texproj.photo import PhotoInfo
 from texproj.project import Project
 from texproj.records import CameraRecord
 from texproj.stages.bench import Workbench
-from texproj.stages.entries import BEFORE_KEY, START_KEY
 
 ImportStatus = Literal["registered", "prior"]
 
@@ -278,8 +277,7 @@ def _record(
     photo: str, camera: Camera, status: ImportStatus, in_view: float, old: CameraRecord | None
 ) -> CameraRecord:
     """The new entry; foreign keys of the old one stay, what registration kept there goes."""
-    own = (START_KEY, BEFORE_KEY)
-    extra = {key: value for key, value in (old.extra if old else {}).items() if key not in own}
+    extra = dict(old.extra) if old else {}
     quality: dict[str, Any] = {"mesh_in_view": round(in_view, 4)}
     return CameraRecord(
         photo, camera.width, camera.height, camera.intrinsics, camera.pose,

@@ -9,8 +9,8 @@ from texproj.project import Project
 from texproj.records import CameraRecord
 from texproj.stages.bench import Workbench
 from texproj.stages.coloring import ColorOutcome, color_freshness, color_project
-from texproj.stages.entries import START_KEY
 from texproj.stages.freshness import Freshness
+from texproj.stages.outcomes import PhotoOutcome
 from texproj.stages.progress import Progress, silent
 from texproj.stages.refining import (
     RefineOutcome,
@@ -19,7 +19,7 @@ from texproj.stages.refining import (
     undo_refinement,
     unrefined,
 )
-from texproj.stages.registering import PhotoOutcome, register_photos, registration_freshness
+from texproj.stages.registering import register_photos, registration_freshness
 from texproj.stages.reporting import ReportOutcome, report_freshness, report_project
 
 NONE_REGISTERED = "no photo could be registered, so there is no model; each says what it needs"
@@ -92,5 +92,5 @@ def _worth_refining(project: Project) -> bool:
     """Whether the settings want it and there is a camera of our own beside another one."""
     entries = project.load_cameras().values()
     registered = [e for e in entries if e.registered_camera and e.file in project.photo_paths]
-    own = any(START_KEY in e.extra for e in registered)
+    own = any(e.sought for e in registered)
     return bool(project.settings.options("refine").enabled and own and len(registered) > 1)
