@@ -32,5 +32,6 @@ def color_options(project: Project, names: Sequence[str]) -> ColorOptions:
     if not path.is_file():
         raise InputError(f"no photo of a color chart at {path}; correct `checker` in [color]")
     own = [n for n, name in enumerate(names) if project.photo_path(name).samefile(path)]
-    photo = read_photo(path, read_photo_info(path))
+    largest_mp = project.settings.largest_photo_mp
+    photo = read_photo(path, read_photo_info(path, largest_mp), largest_mp=largest_mp)
     return with_checker(options, read_checker(photo, own[0] if own else None))
