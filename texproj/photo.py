@@ -67,6 +67,13 @@ class Photo:
             return cv2.cvtColor(self.pixels, cv2.COLOR_RGB2GRAY).astype(np.float32) / 255
         return cv2.cvtColor(srgb_from_linear(self.pixels), cv2.COLOR_RGB2GRAY)
 
+    def reduced(self, longest_px: float) -> Photo:
+        """The photo with its longer side reduced to `longest_px`, itself if it is smaller."""
+        factor = longest_px / max(self.width, self.height)
+        if factor >= 1:
+            return self
+        return self.resized(*(max(1, round(side * factor)) for side in (self.width, self.height)))
+
     def resized(self, width: int, height: int) -> Photo:
         """The photo area-averaged to a smaller size."""
         size = (width, height)

@@ -2,7 +2,7 @@
 
 from texproj.render.context import open_renderer
 from texproj.render.gbuffer import CHANNELS, GBuffer
-from texproj.render.interface import Renderer, Scene
+from texproj.render.interface import Render, Renderer, Scene
 from texproj.render.lens import ideal_grid, pinhole_cover
 from texproj.render.model import render_model, shade
 from texproj.render.occlusion import Visibility, ambient_occlusion
@@ -10,6 +10,7 @@ from texproj.render.occlusion import Visibility, ambient_occlusion
 __all__ = [
     "CHANNELS",
     "GBuffer",
+    "Render",
     "Renderer",
     "Scene",
     "Visibility",

@@ -69,8 +69,7 @@ def shade(gbuffer: GBuffer, background: tuple[int, int, int] = (255, 255, 255)) 
 
 def _hits(renderer: Renderer, surface: Surface, camera: Camera) -> Hits:
     with renderer.load(surface.mesh) as scene:
-        face = scene.gbuffer(camera, ("face",)).face
-    assert face is not None
+        face = scene.gbuffer(camera, ("face",)).require("face")
     ideal = ideal_grid(camera.intrinsics).reshape(-1, 2)
     return hits_on_faces(surface, camera, ideal, face.ravel())
 

@@ -52,8 +52,7 @@ def overlay(photo: Photo, gbuffer: GBuffer) -> Bytes:
 
 def mesh_edges(gbuffer: GBuffer) -> Bytes:
     """(h, w) uint8: 1 on silhouettes and creases."""
-    assert gbuffer.depth is not None and gbuffer.normal_in_cam is not None
-    depth, normal = gbuffer.depth, gbuffer.normal_in_cam
+    depth, normal = gbuffer.require("depth"), gbuffer.require("normal")
     edges = np.zeros(depth.shape, np.uint8)
     for axis in (0, 1):
         first, second = _neighbors(depth, axis), _neighbors(normal, axis)

@@ -113,7 +113,7 @@ class _Looker:
     def look(self, batch: Sequence[int], longest: int, tell: Tell) -> dict[str, Images]:
         """The factors of the photos of those numbers as images, nan where the mesh is not."""
         frames = [self._cameras[number] for number in batch]
-        small = [c.scaled(min(1.0, longest / max(c.width, c.height))) for c in frames]
+        small = [camera.reduced(longest) for camera in frames]
         points = PixelPoints.of(self._bench.mesh, self._bench.plain_scene, small, self._spacing)
         job = Inspection(
             points, self._cameras, self._photos, self._depths, self._options, self._scratch

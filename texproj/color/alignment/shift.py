@@ -87,10 +87,9 @@ def alignments(
 
 def alignment(photo: Photo, camera: Camera, model: TexturedMesh, renderer: Renderer) -> Alignment:
     """The displacement of one photo against a model. camera: of the full-size photo."""
-    factor = min(1.0, WORKING_PX / max(photo.width, photo.height))
-    size = (round(photo.width * factor), round(photo.height * factor))
+    small = photo.reduced(WORKING_PX)
+    size = (small.width, small.height)
     render = render_model(renderer, model, camera.resized(*size), samples=1)
-    small = photo.resized(*size)
     solid = render[..., 3] == 255
     if small.mask is not None:
         solid &= small.mask > 0

@@ -57,11 +57,7 @@ class PixelPoints:
 
 def _shown(camera: Camera, scene: Scene, mesh: Mesh) -> tuple[Chunk, NDArray[np.bool_]]:
     seen = scene.gbuffer(camera, ("depth", "face"))
-    assert seen.depth is not None
-    assert seen.face is not None
-    mask = seen.face >= 0
-    row, column = np.nonzero(mask)
-    origin, ray = camera.rays(np.stack([column + 0.5, row + 0.5], axis=1))
-    along = (ray * camera.pose.R[2]).sum(axis=1)
-    xyz = origin + ray * (seen.depth[mask] / along)[:, None]
-    return Chunk((xyz - mesh.center).astype(np.float32), seen.face[mask]), mask
+    face = seen.require("face")
+    mask = face >= 0
+    xyz = seen.points(camera, *np.nonzero(mask))
+    return Chunk((xyz - mesh.center).astype(np.float32), face[mask]), mask

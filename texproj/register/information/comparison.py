@@ -18,7 +18,7 @@ from texproj.register.information.samples import (
     outline_samples,
     surface_samples,
 )
-from texproj.register.structure.view import Render
+from texproj.render import Render
 from texproj.render.gbuffer import GBuffer
 from texproj.solve.mutual_information import (
     Binned,
@@ -56,8 +56,7 @@ class PhotoLevel:
     @classmethod
     def of(cls, photo: Photo, camera: Camera, longest_px: float, gradients: bool) -> PhotoLevel:
         """camera: of the photo, any size; longest_px: of the reduced photo."""
-        factor = min(1.0, longest_px / max(photo.width, photo.height))
-        photo = photo.resized(round(photo.width * factor), round(photo.height * factor))
+        photo = photo.reduced(longest_px)
         gray = cv2.GaussianBlur(photo.gray(), (0, 0), BLUR_PX)
         edges = gradient_strength(gray)
         gray = edges if gradients else gray

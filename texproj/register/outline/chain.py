@@ -17,10 +17,10 @@ from texproj.photo import Photo
 from texproj.records import Fit
 from texproj.register.information.register import register_mutual_information
 from texproj.register.information.search import MIDDLE, Outcome, Task, ascend
+from texproj.register.motion import motion_px
 from texproj.register.outline.register import Hypothesis, hypotheses
 from texproj.register.structure.register import register_structure
-from texproj.register.structure.starts import motion_px
-from texproj.register.structure.view import Render
+from texproj.render import Render
 
 CLEAR = 1.08
 """The best view's information over the second's, above which it is the one."""

@@ -111,8 +111,7 @@ def _solid_part(mask: Mask) -> Mask:
 
 
 def _reduced(photo: Photo) -> NDArray[np.uint8]:
-    factor = min(1.0, LONGEST / max(photo.width, photo.height))
-    small = photo.resized(round(photo.width * factor), round(photo.height * factor))
+    small = photo.reduced(LONGEST)
     if small.encoding == "srgb":
         return np.asarray(small.pixels, np.uint8)
     return (srgb_from_linear(small.pixels) * 255).astype(np.uint8)

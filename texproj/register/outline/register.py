@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from texproj.arrays import Doubles, Mask
 from texproj.camera import Camera, Intrinsics
@@ -21,11 +20,11 @@ from texproj.mesh import Mesh
 from texproj.options import SilhouetteOptions
 from texproj.photo import Photo, PhotoInfo
 from texproj.records import Fit
+from texproj.register.motion import motion_px
 from texproj.register.outline.object_mask import object_mask
 from texproj.register.outline.sphere_search import DISTINCT, views_with_outline
 from texproj.register.picks.lens import DEFAULT_FOCAL
-from texproj.register.structure.starts import motion_px
-from texproj.register.structure.view import Render
+from texproj.render import GBuffer, Render
 from texproj.solve.lm import LmFit, LmOptions, Loss, minimize
 from texproj.solve.reprojection import projection_jacobian
 from texproj.solve.silhouette import OutlineDistance, outline, signed_distance, xor_share
@@ -112,8 +111,7 @@ def _projected(start: Camera | None, render: Render, photo: Photo) -> Mask | Non
     if start is None:
         return None
     images = render(start.resized(photo.width, photo.height))
-    assert images.depth is not None
-    return np.isfinite(images.depth)
+    return np.isfinite(images.require("depth"))
 
 
 def _searched(mask: Mask, lens: Intrinsics, mesh: Mesh, options: SilhouetteOptions) -> list[Camera]:
@@ -136,12 +134,11 @@ def fitted(start: Camera, mask: Mask, render: Render, longest_px: int, rounds: i
     points: Doubles | None = None
     for turn in range(rounds + 1):
         images = render(camera)
-        assert images.depth is not None
-        solid = np.isfinite(images.depth)
+        solid = np.isfinite(images.require("depth"))
         xor = xor_share(solid, wanted)
         if xor < best.xor:
             best = Hypothesis(camera.resized(start.width, start.height), xor, fit, points)
-        points = _outline_points(solid, images.depth, camera)
+        points = _outline_points(solid, images, camera)
         if turn == rounds or len(points) < LEAST_POINTS:
             break
         problem = OutlineDistance(points, distance, expected_px=-0.5)
@@ -150,11 +147,10 @@ def fitted(start: Camera, mask: Mask, render: Render, longest_px: int, rounds: i
     return best
 
 
-def _outline_points(solid: Mask, depth: NDArray[np.float32], camera: Camera) -> Doubles:
+def _outline_points(solid: Mask, images: GBuffer, camera: Camera) -> Doubles:
     y, x = outline(solid)
     step = max(1, len(y) // MOST_POINTS)
-    y, x = y[::step], x[::step]
-    return camera.unproject(np.stack([x, y], axis=1) + 0.5, depth[y, x])
+    return images.points(camera, y[::step], x[::step])
 
 
 def _resized(mask: Mask, longest_px: int) -> Mask:
