@@ -16,6 +16,7 @@ from texproj.cli.main import DONE, SOME_FAILED, UNUSABLE
 from texproj.cli.shared import Folder, Json, Verbose, exit_code, matching, open_project
 from texproj.errors import UsageError
 from texproj.project import Project, create_project
+from texproj.settings import SECTIONS
 
 app = App(name="texproj", version=__version__, help=__doc__)
 app.help = (
@@ -31,12 +32,14 @@ if TYPE_CHECKING:
     RenderFlags: TypeAlias = Any
     PreviewFlags: TypeAlias = Any
 else:  # classes made from the options when the program starts
-    RegisterFlags = flags_for(("register", "render"), ("points", "structure"))
+    RegisterFlags = flags_for(
+        ("register", "render"), ("points", "structure", "mutual-information", "silhouette")
+    )
     RefineFlags = flags_for(("refine", "render"))
     ColorFlags = flags_for(("color", "render"), ("unwrap", "patches", "output"))
     RunFlags = flags_for(
         ("render",),
-        ("register", "points", "structure", "refine", "color", "unwrap", "patches", "output"),
+        tuple(name for name in SECTIONS if name not in ("render", "preview")),
     )
     RenderFlags = flags_for(("render",))
     PreviewFlags = flags_for(("preview",))
@@ -280,7 +283,7 @@ def preview(folder: Folder, /, *, flags: PreviewFlags = None, verbose: Verbose =
     from texproj.preview.server import serve  # noqa: PLC0415
 
     project = open_project(folder, flags, verbose)
-    serve(project.root, project.settings.options("preview"))
+    serve(project.root, project.settings.preview)
     return DONE
 
 

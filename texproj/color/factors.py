@@ -27,7 +27,7 @@ from texproj.color.sampling.prepare import silhouette_feather_px, view_of
 from texproj.color.sampling.store import Stack
 from texproj.color.sampling.view import WHITE, PhotoView, linear16
 from texproj.color.weights.picture import picture_factors, silhouette_factor
-from texproj.color.weights.surface import facing, resolution, surface_factors
+from texproj.color.weights.surface import MIN_COS_ANGLE, facing, resolution, surface_factors
 from texproj.options import ColorOptions
 from texproj.photo import Photo
 from texproj.resources.scratch import Scratch
@@ -105,7 +105,7 @@ def own_factors(photo: Photo, view: PhotoView, job: Inspection, chunk: Chunk) ->
     """(n,) factors that a photo has by itself; those of the picture are 0 outside of it."""
     owners = job.points.owners
     cosine = facing(owners, view.camera)
-    seen = cosine > np.float32(job.options.min_cos_angle)
+    seen = cosine > np.float32(MIN_COS_ANGLE)
     surface = surface_factors(
         np.where(seen, cosine, np.float32(1)), resolution(owners, view.camera), job.options
     )
