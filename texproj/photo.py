@@ -61,6 +61,12 @@ class Photo:
             return self.pixels.astype(np.float32, copy=False)
         return cv2.LUT(self.pixels, LINEAR_OF_SRGB8)
 
+    def srgb8(self) -> NDArray[np.uint8]:
+        """(h, w, 3) uint8 in sRGB encoding; the very pixels where they are that already."""
+        if self.encoding == "srgb":
+            return self.pixels.astype(np.uint8, copy=False)
+        return np.round(srgb_from_linear(self.pixels) * 255).astype(np.uint8)
+
     def gray(self) -> NDArray[np.float32]:
         """(h, w) float32 luma in 0..1, sRGB-encoded: what an eye sees, for matching."""
         if self.encoding == "srgb":

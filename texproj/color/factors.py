@@ -26,25 +26,13 @@ from texproj.color.sampling.pixel_lookup import depth_pixels, photo_pixels, resc
 from texproj.color.sampling.prepare import silhouette_feather_px, view_of
 from texproj.color.sampling.store import Stack
 from texproj.color.sampling.view import WHITE, PhotoView, linear16
+from texproj.color.weights.names import FACTORS
 from texproj.color.weights.picture import picture_factors, silhouette_factor
 from texproj.color.weights.surface import MIN_COS_ANGLE, facing, resolution, surface_factors
+from texproj.opencv import opencv_places
 from texproj.options import ColorOptions
 from texproj.photo import Photo
 from texproj.resources.scratch import Scratch
-
-FACTORS = {
-    "angle": "Turned towards the camera",
-    "density": "Pixels on the surface",
-    "border": "Away from the picture's edge",
-    "silhouette": "Away from depth discontinuities",
-    "mask": "Away from what is masked",
-    "exposure": "Neither clipped nor black",
-    "focus": "As sharp as the other photos",
-    "highlight": "Without a highlight",
-    "consistency": "As all photos agree",
-    "weight": "All of them together",
-}
-"""Name of each factor, and what it is 1 for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +116,7 @@ def picture_at(image: Floats | None, camera: Camera, points: PointSource, chunk:
         return np.ones(len(chunk), np.float32)
     small = camera.resized(image.shape[1], image.shape[0])
     in_image, _ = small.project(chunk.xyz + points.owners.origin)
-    maps = np.nan_to_num(in_image - 0.5, nan=-1e6).astype(np.float32)
+    maps = opencv_places(in_image)
     rows = np.array_split(maps, -(-len(maps) // 30_000) or 1)
     values = [
         cv2.remap(image, part[None], None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)[0]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from texproj.arrays import Bytes
 from texproj.camera import Camera, Intrinsics, Pose
 from texproj.mesh import Mesh
-from texproj.photo import Correspondences, Photo, srgb_from_linear
+from texproj.photo import Correspondences, Photo
 from texproj.render import GBuffer
 
 OVERLAY_LONGEST = 800
@@ -97,9 +97,7 @@ def draw_picks(
 
 def encoded(photo: Photo) -> Bytes:
     """(h, w, 3) uint8 sRGB of a photo, its own copy."""
-    if photo.encoding == "srgb":
-        return photo.pixels.astype(np.uint8)
-    return np.round(srgb_from_linear(photo.pixels) * 255).astype(np.uint8)
+    return np.array(photo.srgb8())
 
 
 def on_paper(picture: Bytes) -> Bytes:

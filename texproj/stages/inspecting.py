@@ -12,13 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.camera import Camera
-from texproj.color.factors import FACTORS, Inspection, photo_factors
+from texproj.color.factors import Inspection, photo_factors
 from texproj.color.points.pixels import PixelPoints
 from texproj.color.points.source import VertexPoints
 from texproj.color.sampling.depth_images import Depths
 from texproj.color.sampling.resolution import texels_per_unit
+from texproj.color.weights.names import FACTORS
 from texproj.errors import InputError
 from texproj.files import staging
+from texproj.formats.jpeg import jpeg_bytes
 from texproj.report.factors import factor_image, factor_sheet
 from texproj.resources.scratch import Scratch
 from texproj.stages.bench import Workbench
@@ -29,7 +31,7 @@ from texproj.stages.progress import Progress, silent
 STAGE = "factors"
 BATCH = 8
 """Photos whose pixels are looked at together; each batch decodes all photos once."""
-SHEET = "overview.jpg"
+SHEET, SHEET_QUALITY = "overview.jpg", 95
 
 Tell = Callable[[int, int], None]
 Images = dict[str, NDArray[np.float32]]
@@ -157,6 +159,6 @@ def _written(bench: Workbench, name: str, images: Images) -> Path:
             gray, alpha = cv2.split(factor_image(values))
             image = cv2.merge([gray, gray, gray, alpha])
             (folder / f"{factor}.png").write_bytes(cv2.imencode(".png", image)[1].tobytes())
-        sheet = factor_sheet(photo, images, FACTORS)[..., ::-1]
-        (folder / SHEET).write_bytes(cv2.imencode(".jpg", sheet)[1].tobytes())
+        sheet = factor_sheet(photo, images, FACTORS)
+        (folder / SHEET).write_bytes(jpeg_bytes(sheet, SHEET_QUALITY))
     return target

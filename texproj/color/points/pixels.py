@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from texproj.arrays import Floats
 from texproj.camera import Camera
 from texproj.color.points.source import Chunk, Owners
-from texproj.mesh import Mesh, face_normals
+from texproj.mesh import Mesh
 from texproj.render import Scene
 
 
@@ -34,12 +34,8 @@ class PixelPoints:
         """What the cameras see. spacing: (F,) edge of the square that a colored point stands for,
         mesh units.
         """
-        corners = (mesh.vertices - mesh.center)[mesh.faces]
-        normals = face_normals(mesh).astype(np.float32)
-        middle = corners.mean(axis=1).astype(np.float32)
-        owners = Owners(mesh.center, middle, normals, spacing.astype(np.float32))
         chunks, masks = zip(*(_shown(camera, scene, mesh) for camera in cameras), strict=True)
-        return cls(owners, chunks, masks)
+        return cls(Owners.of_faces(mesh, spacing), chunks, masks)
 
     @property
     def sizes(self) -> list[int]:

@@ -14,7 +14,7 @@ from texproj.color.sampling.depth_images import Depths
 from texproj.color.sampling.sample import project
 from texproj.color.sampling.view import PhotoView
 from texproj.color.weights.surface import facing, resolution, sight_of
-from texproj.mesh import Mesh, face_areas, face_normals
+from texproj.mesh import Mesh, face_areas
 from texproj.options import ColorOptions
 from texproj.resources.threads import in_parallel
 from texproj.unwrap.stretch import weighted_quantiles
@@ -33,7 +33,8 @@ def texels_per_unit(
     """(F,) texels per mesh unit: pixels of the photo that resolves the face best, times
     `options.texels_per_pixel`.
     """
-    faces, lock = _faces(mesh), Lock()
+    spacing = np.ones(len(mesh.faces))  # so that `resolution` is pixels per unit
+    faces, lock = Owners.of_faces(mesh, spacing), Lock()
     best = np.zeros(len(mesh.faces))
 
     def one(number: int) -> None:
@@ -59,14 +60,3 @@ def texels_per_unit(
     best = np.minimum(best, closest)
     best[~seen] = UNSEEN * middle
     return best * options.texels_per_pixel
-
-
-def _faces(mesh: Mesh) -> Owners:
-    """The faces, with spacing 1, so that `resolution` is pixels per unit."""
-    corners = (mesh.vertices - mesh.center)[mesh.faces]
-    return Owners(
-        mesh.center,
-        corners.mean(axis=1).astype(np.float32),
-        face_normals(mesh).astype(np.float32),
-        np.ones(len(corners), np.float32),
-    )

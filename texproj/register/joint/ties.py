@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from texproj.arrays import Doubles, Floats, Index
 from texproj.camera import Camera, Intrinsics
+from texproj.opencv import FAR_OUTSIDE
 from texproj.render import GBuffer, ideal_grid
 from texproj.solve.joint import Ties
 from texproj.solve.matching import match_patches
@@ -151,7 +152,7 @@ def _pixels(k: Intrinsics, xyz_in_cam: NDArray[np.float32]) -> NDArray[np.float3
         ideal = k.distort(ideal.reshape(-1, 2)).reshape(ideal.shape)
     at = ideal * np.array([k.fx, k.fy], np.float32) + np.array([k.cx, k.cy], np.float32) - 0.5
     seen = np.isfinite(at).all(axis=2, keepdims=True) & (xyz_in_cam[..., 2:] > 0)
-    return np.where(seen, at, -1e4).astype(np.float32)
+    return np.where(seen, at, FAR_OUTSIDE).astype(np.float32)
 
 
 def _ties(i: int, j: int, views: Lookup, at: tuple[Index, Index], found_px: Doubles) -> Ties:

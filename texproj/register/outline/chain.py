@@ -50,9 +50,9 @@ def register_from_outline(
 ) -> Fit:
     """The exact camera of a photo whose object has a known or findable outline.
 
-    As `register_silhouette`; then the views that share the outline are compared by what the mesh
-    tells about the photo inside of it, and the best is made exact by structure or, where that is
-    not sure, by mutual information. Refused if two different views do equally well.
+    The views that share the outline are compared by what the mesh tells about the photo inside of
+    it, and the best is made exact by structure or, where that is not sure, by mutual information.
+    Refused if two different views do equally well. Arguments and errors: as of `hypotheses`.
     """
     options = options or ChainOptions()
     found = hypotheses(photo, prior, render, mesh, options.silhouette, mask)
