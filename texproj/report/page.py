@@ -26,7 +26,15 @@ def page(facts: Mapping[str, Any], overlays: Mapping[str, str], views: Sequence[
     )
     photos = sorted(facts["photos"], key=_worst_first)
     template = environment.get_template("report.html")
-    return template.render(facts=facts, photos=photos, overlays=overlays, views=views)
+    return template.render(
+        facts=facts, photos=photos, overlays=overlays, views=views, colors=_colors(facts)
+    )
+
+
+def _colors(facts: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    """What the coloring says of each photo, by its name."""
+    quality = (facts["color"] or {}).get("quality", {})
+    return {row["file"]: row for row in quality.get("photos", [])}
 
 
 def data_url(picture: NDArray[np.uint8]) -> str:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.camera import Camera
 from texproj.color.points.source import Chunk, Owners
-from texproj.color.sampling.depth_images import Depths
+from texproj.color.sampling.photo_set import PhotoSet
 from texproj.color.sampling.sample import project
 from texproj.color.sampling.view import PhotoView
 from texproj.color.weights.surface import facing, resolution, sight_of
@@ -27,9 +25,7 @@ CLOSEST = 0.98
 of a camera do not decide the size of the texture."""
 
 
-def texels_per_unit(
-    mesh: Mesh, cameras: Sequence[Camera], depths: Depths, options: ColorOptions
-) -> NDArray[np.float64]:
+def texels_per_unit(mesh: Mesh, photos: PhotoSet, options: ColorOptions) -> NDArray[np.float64]:
     """(F,) texels per mesh unit: pixels of the photo that resolves the face best, times
     `options.texels_per_pixel`.
     """
@@ -38,8 +34,8 @@ def texels_per_unit(
     best = np.zeros(len(mesh.faces))
 
     def one(number: int) -> None:
-        camera = cameras[number]
-        depth_camera, depth = depths.read(number)
+        camera = photos.cameras[number]
+        depth_camera, depth = photos.depth_image(number)
         view = PhotoView(camera, depth_camera, depth)
         sight = sight_of(faces, camera, depth_camera, 1, options)
         pixels = resolution(faces, camera) * np.sqrt(np.maximum(facing(faces, camera), 0))
@@ -51,7 +47,7 @@ def texels_per_unit(
         with lock:
             best[better] = np.maximum(best[better], np.where(weight > 0, pixels[better], 0))
 
-    in_parallel(one, range(len(cameras)))
+    in_parallel(one, range(len(photos)))
     seen = best > 0
     if not seen.any():
         return np.ones(len(best))
