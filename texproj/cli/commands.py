@@ -14,8 +14,9 @@ from texproj.cli.flags import flags_for
 from texproj.cli.inspecting import factors
 from texproj.cli.main import DONE, SOME_FAILED, UNUSABLE
 from texproj.cli.shared import Folder, Json, Verbose, exit_code, matching, open_project
+from texproj.creation import create_project
 from texproj.errors import UsageError
-from texproj.project import Project, create_project
+from texproj.project import Project
 from texproj.settings import SECTIONS
 
 app = App(name="texproj", version=__version__, help=__doc__)
@@ -63,7 +64,7 @@ def new(
     Example: texproj new statue --mesh scan.ply --photos DCIM/
     """
     talk.talk_about_details(verbose)
-    project = create_project(folder, mesh, photos, link)
+    project = create_project(folder, mesh, photos, link, talk.complain)
     count = len(project.photo_names)
     if json:
         talk.say_json({"project": str(folder), "photos": project.photo_names})
