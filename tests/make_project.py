@@ -97,5 +97,5 @@ def write_mesh(path: Path, mesh: Mesh) -> None:
 
 
 if __name__ == "__main__":
-    assert COMPACT == VIEWS[0].body
+    assert VIEWS[0].body == COMPACT
     main(Path(sys.argv[1]))

@@ -12,26 +12,23 @@ docs/python.md tells more.
 """
 
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
+
+from texproj.version import __version__
 
 if TYPE_CHECKING:
     from texproj.camera import Camera, Intrinsics, Pose
+    from texproj.creation import create_project
     from texproj.errors import TexprojError
     from texproj.mesh import Mesh
     from texproj.photo import Correspondences, Photo
-    from texproj.project import Project, create_project
+    from texproj.project import Project
     from texproj.stages.bench import Workbench
     from texproj.stages.coloring import color_project
     from texproj.stages.refining import refine_project
     from texproj.stages.registering import register_photos
     from texproj.stages.reporting import report_project
     from texproj.stages.running import project_status, run_project
-
-try:
-    __version__ = version("texproj")
-except PackageNotFoundError:  # a bare checkout
-    __version__ = "0+checkout"
 
 _HOMES = {
     "Camera": "texproj.camera",
