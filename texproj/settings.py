@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from typing import Any, get_type_hints
 
-from texproj.errors import InputError, UsageError, nearest_name
+from texproj.errors import InputError, UsageError, excerpt, nearest_name
 from texproj.options import (
     ColorOptions,
     MutualInformationOptions,
@@ -23,47 +22,63 @@ from texproj.options import (
     UnwrapOptions,
     options_from,
 )
-
-SECTIONS: dict[str, type] = {
-    "render": RenderOptions,
-    "register": RegisterOptions,
-    "points": PointsOptions,
-    "structure": StructureOptions,
-    "mutual-information": MutualInformationOptions,
-    "silhouette": SilhouetteOptions,
-    "refine": RefineOptions,
-    "color": ColorOptions,
-    "unwrap": UnwrapOptions,
-    "patches": PatchOptions,
-    "output": OutputOptions,
-    "preview": PreviewOptions,
-}
-"""Tables of project.toml and the options that each holds."""
+from texproj.photo import LARGEST_PHOTO_MP
 
 DEFAULT_PHOTOS = "photos"
+MOST_MEGAPIXELS = 1_000
+"""Beyond, OpenCV refuses, whatever is set."""
+LONGEST_NAME = 255
+"""Bytes of a file's name on every system."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """The settings of a project.
+    """The settings of a project: one field for each table of project.toml.
 
     mesh: path of the mesh relative to the project, None = the one file in mesh/;
     photos: folder of the photos; exclude: names of photos in it that are left out of everything;
-    sections: options by name of their table in project.toml.
+    largest_photo_mp: million pixels of the largest photo or mask
+    that is read.
     """
 
     mesh: str | None = None
     photos: str = DEFAULT_PHOTOS
     exclude: tuple[str, ...] = ()
-    sections: Mapping[str, Any] = field(default_factory=dict)
+    largest_photo_mp: float = LARGEST_PHOTO_MP
+    render: RenderOptions = field(default_factory=RenderOptions)
+    register: RegisterOptions = field(default_factory=RegisterOptions)
+    points: PointsOptions = field(default_factory=PointsOptions)
+    structure: StructureOptions = field(default_factory=StructureOptions)
+    mutual_information: MutualInformationOptions = field(default_factory=MutualInformationOptions)
+    silhouette: SilhouetteOptions = field(default_factory=SilhouetteOptions)
+    refine: RefineOptions = field(default_factory=RefineOptions)
+    color: ColorOptions = field(default_factory=ColorOptions)
+    unwrap: UnwrapOptions = field(default_factory=UnwrapOptions)
+    patches: PatchOptions = field(default_factory=PatchOptions)
+    output: OutputOptions = field(default_factory=OutputOptions)
+    preview: PreviewOptions = field(default_factory=PreviewOptions)
 
-    def options(self, name: str) -> Any:
-        """The options of section `name`: those of project.toml, else the defaults."""
-        return self.sections.get(name) or SECTIONS[name]()
+    def table(self, name: str) -> Any:
+        """The options of a table of project.toml, by the name that it has there."""
+        return getattr(self, _field_of(name))
 
-    def with_options(self, name: str, options: Any) -> Settings:
-        """The settings with another set of options for section `name`."""
-        return replace(self, sections={**self.sections, name: options})
+    def with_table(self, name: str, options: Any) -> Settings:
+        """The settings with other options for a table."""
+        return replace(self, **{_field_of(name): options})
+
+
+def _field_of(table: str) -> str:
+    return table.replace("-", "_")
+
+
+def _table_of(field_name: str) -> str:
+    return field_name.replace("_", "-")
+
+
+SECTIONS: dict[str, Any] = {
+    _table_of(name): cls for name, cls in get_type_hints(Settings).items() if is_dataclass(cls)
+}
+"""Tables of project.toml and the options that each holds."""
 
 
 def read_settings(text: str, where: str) -> Settings:
@@ -78,22 +93,48 @@ def read_settings(text: str, where: str) -> Settings:
         raise InputError(f"{where} is not valid TOML: {error}") from None
     except (ValueError, RecursionError):
         raise InputError(f"{where}: a number is too long, or it is nested too deeply") from None
-    known = ["mesh", "photos", "exclude", *SECTIONS]
+    known = [f.name for f in fields(Settings) if _table_of(f.name) not in SECTIONS] + [*SECTIONS]
     for key in data:
         if key not in known:
-            raise UsageError(f"{where}: unknown key {key!r}{nearest_name(key, known)}")
-    for key in ("mesh", "photos"):
-        if key in data and not (isinstance(data[key], str) and data[key]):
-            raise UsageError(f"{where}: {key} must be a path in quotes")
-    exclude = data.get("exclude", [])
-    if not (isinstance(exclude, list) and all(isinstance(name, str) for name in exclude)):
-        raise UsageError(f'{where}: exclude must be a list of photos: exclude = ["IMG_0007.jpg"]')
-    sections: dict[str, Any] = {}
+            raise UsageError(f"{where}: unknown key {excerpt(key)!r}{nearest_name(key, known)}")
+    top: dict[str, Any] = {
+        key: _path(data[key], f"{where}: {key}") for key in ("mesh", "photos") if key in data
+    }
+    if "exclude" in data:
+        top["exclude"] = _names(data["exclude"], f"{where}: exclude")
+    if "largest_photo_mp" in data:
+        top["largest_photo_mp"] = _megapixels(data["largest_photo_mp"], where)
+    tables: dict[str, Any] = {}
     for name, cls in SECTIONS.items():
         table = data.get(name, {})
         if not isinstance(table, dict):
             raise UsageError(
                 f"{where}: {name} must be a table: write [{name}] on a line of its own"
             )
-        sections[name] = options_from(cls, table, f"{where} [{name}]")
-    return Settings(data.get("mesh"), data.get("photos", DEFAULT_PHOTOS), tuple(exclude), sections)
+        tables[_field_of(name)] = options_from(cls, table, f"{where} [{name}]")
+    return Settings(**top, **tables)
+
+
+def _path(value: Any, where: str) -> str:
+    if not (isinstance(value, str) and value):
+        raise UsageError(f"{where} must be a path in quotes")
+    if "\0" in value or max(len(part.encode()) for part in value.split("/")) > LONGEST_NAME:
+        raise UsageError(f"{where} = {excerpt(value)!r} is no path that a file can have")
+    return value
+
+
+def _names(value: Any, where: str) -> tuple[str, ...]:
+    if not (isinstance(value, list) and all(isinstance(name, str) for name in value)):
+        raise UsageError(f'{where} must be a list of photos, such as ["IMG_0007.jpg"]')
+    return tuple(value)
+
+
+def _megapixels(value: Any, where: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise UsageError(f"{where}: largest_photo_mp must be a number of million pixels")
+    if not 0 < value <= MOST_MEGAPIXELS:
+        raise UsageError(
+            f"{where}: largest_photo_mp = {excerpt(value)}: more than 0 and at most"
+            f" {MOST_MEGAPIXELS} million pixels can be read"
+        )
+    return float(value)

@@ -24,14 +24,14 @@ CV2_NO_MEMORY = -4
 T = TypeVar("T")
 
 
-class PhotoFault(InputError):
+class PhotoFaultError(InputError):
     """A photo that failed in a way nobody foresaw; the log has the traceback."""
 
 
 def attended(name: str, work: Callable[[], T]) -> T:
     """What `work` makes of photo `name`.
 
-    Raises PhotoFault, with a sentence for people, for whatever nobody foresaw; what was foreseen
+    Raises PhotoFaultError, with a sentence for people, for whatever nobody foresaw; what was foreseen
     (TexprojError), what concerns the whole run, and the wish to stop pass through.
     """
     try:
@@ -43,5 +43,4 @@ def attended(name: str, work: Callable[[], T]) -> T:
             raise
         scarce = isinstance(error, MemoryError) or getattr(error, "code", None) == CV2_NO_MEMORY
         LOG.exception("%s: %s", name, "out of memory" if scarce else "internal fault")
-        raise PhotoFault(NO_MEMORY if scarce else INTERNAL) from error
-
+        raise PhotoFaultError(NO_MEMORY if scarce else INTERNAL) from error

@@ -88,7 +88,7 @@ class Workbench:
     @cached_property
     def renderer(self) -> Renderer:
         """OpenGL or the ray caster, as the settings say."""
-        options = self.project.settings.options("render")
+        options = self.project.settings.render
         return self._open.enter_context(open_renderer(options))
 
     @cached_property
@@ -149,9 +149,8 @@ class Workbench:
 
         camera = record.registered_camera
         assert camera is not None
-        small = camera.scaled(min(1.0, FEATURES_LONGEST / max(camera.width, camera.height)))
-        depth = self.plain_scene.gbuffer(small, ("depth",)).depth
-        assert depth is not None
+        small = camera.reduced(FEATURES_LONGEST)
+        depth = self.plain_scene.gbuffer(small, ("depth",)).require("depth")
         error = float(record.quality.get("expected_error_px") or 0)
         return Known(camera, self.features(record.file), depth, error)
 

@@ -65,7 +65,7 @@ class Sources:
         sections = dict.fromkeys(section for method in methods for section in READS[method])
         for section in sections:
             if section not in self._settings:
-                told = asdict(self.project.settings.options(section))
+                told = asdict(self.project.settings.table(section))
                 self._settings[section] = json_hash(told)
         return {f"[{section}] settings": self._settings[section] for section in sections}
 
@@ -175,7 +175,8 @@ class Lineage:
             for name in names
         }  # fmt: skip
         order = tuple(in_order(names, entries))
-        return cls(sources, entries, cameras, traces, order, alone, _together(order, alone, entries))
+        states = _together(order, alone, entries)
+        return cls(sources, entries, cameras, traces, order, alone, states)
 
 
 def own_cameras(entries: Entries) -> dict[str, str]:
@@ -210,7 +211,7 @@ def state(
 
     cameras: hashes of all own cameras; around: names the registered photos next to one.
     """
-    asked = sources.project.settings.options("register").method
+    asked = sources.project.settings.register.method
     reason = _out_of_question(entry, trace, asked)
     if entry is None or reason:
         return Freshness(STAGE, name, False, reason)

@@ -193,7 +193,7 @@ def _by_points(job: Job) -> Fit:
         path = job.project.correspondences_path(job.name)
         raise RegistrationError(f"no picks at {path}; pick at least 4 points")
     pose = job.start.pose if job.start is not None else None
-    options = job.project.settings.options("points")
+    options = job.project.settings.points
     info = job.project.photo_info(job.name)
     surface = job.bench.surface_sample
     return register_points(info, picks, job.start_intrinsics, options, pose, surface)
@@ -217,7 +217,7 @@ def _from_place_of(job: Job, name: str) -> Fit:
 
 def _from_camera(job: Job, start: Camera) -> Fit:
     photo = job.project.load_photo(job.name, REGISTRATION_LONGEST)
-    options = job.project.settings.options("structure")
+    options = job.project.settings.structure
     return register_structure(photo, start, job.bench.render, options)
 
 
@@ -229,7 +229,7 @@ def _by_features(job: Job) -> Fit:
     found = {n: attended_pairs(job, other) for n, other in job.neighbors.items()}
     shared = {n: pairs for n, pairs in found.items() if pairs is not None}
     errors = [expected_error_px(job.neighbors[n]) for n in shared]
-    options = job.project.settings.options("points")
+    options = job.project.settings.points
     fit = register_pairs(
         info, list(shared.values()), errors, job.start_intrinsics, options,
         job.bench.surface_sample,
@@ -245,7 +245,7 @@ def expected_error_px(record: CameraRecord) -> float:
 def _by_information(job: Job) -> Fit:
     start = _given(job)
     photo = job.project.load_photo(job.name, REGISTRATION_LONGEST)
-    options = job.project.settings.options("mutual-information")
+    options = job.project.settings.mutual_information
     picks = job.project.load_correspondences(job.name)
     return register_mutual_information(photo, start, job.bench.render, options, picks)
 
@@ -255,9 +255,9 @@ def _by_silhouette(job: Job) -> Fit:
     settings = job.project.settings
     photo = job.project.load_photo(job.name, REGISTRATION_LONGEST)
     options = ChainOptions(
-        settings.options("silhouette"),
-        settings.options("mutual-information"),
-        replace(settings.options("structure"), wider=False),
+        settings.silhouette,
+        settings.mutual_information,
+        settings.structure,
     )
     prior = (job.start.camera or job.start.intrinsics) if job.start is not None else None
     return register_from_outline(photo, prior, job.bench.render, job.bench.mesh, options)

@@ -88,9 +88,7 @@ class RegisterOutcome:
         return {"photos": [photo.as_dict() for photo in self.photos]}
 
 
-def registered_record(
-    _: Project, name: str, start: CameraRecord | None, fit: Fit
-) -> CameraRecord:
+def registered_record(_: Project, name: str, start: CameraRecord | None, fit: Fit) -> CameraRecord:
     """The entry of a photo whose camera was found."""
     camera = fit.camera
     return CameraRecord(

@@ -10,7 +10,7 @@ from typing import Any
 from texproj.errors import InputError
 from texproj.project import Project
 from texproj.records import CameraRecord, Fit
-from texproj.stages.attending import PhotoFault, attended
+from texproj.stages.attending import PhotoFaultError, attended
 from texproj.stages.bench import Workbench
 from texproj.stages.entries import camera_hash, own_registration, start_of
 from texproj.stages.freshness import Freshness
@@ -92,7 +92,7 @@ class _Run:
     ) -> None:
         self.bench, self.project, self.chosen = bench, bench.project, chosen
         self.keeper, self.progress = keeper, progress
-        self.asked: str = bench.project.settings.options("register").method
+        self.asked: str = bench.project.settings.register.method
         self.outcomes: dict[str, PhotoOutcome] = {}
         self.entries = self.project.load_cameras()
         self.lineage = Lineage.of(self.project, self.entries)
@@ -159,7 +159,7 @@ class _Run:
         told: Mapping[str, Fit | str]
         try:
             told = attended(", ".join(names), lambda: step(self.bench, names, self.progress))
-        except PhotoFault as error:
+        except PhotoFaultError as error:
             told = dict.fromkeys(names, str(error))
         return {
             name: Search(None, (fit,), ("block",)) if isinstance(fit, str)
@@ -283,7 +283,7 @@ def _searched(job: Job, search: Callable[[Job], Search]) -> tuple[Search, dict[s
     """What came of a search, and what to note where a photo cannot be used or met a fault."""
     try:
         return attended(job.name, partial(search, job)), {}
-    except PhotoFault as error:
+    except PhotoFaultError as error:
         return Search(None, (str(error),), tuple(METHODS)), {FAULT: True}
     except InputError as error:
         return Search(None, (str(error).removeprefix(f"{job.name}: "),)), {UNUSABLE: True}

@@ -10,7 +10,6 @@ import numpy as np
 from texproj.arrays import Floats
 from texproj.camera import Camera
 from texproj.color.sampling.prepare import depth_seen
-from texproj.options import ColorOptions
 from texproj.render import Scene
 from texproj.resources.scratch import Scratch
 
@@ -23,20 +22,18 @@ class _Stored:
 
 
 @dataclass(frozen=True, eq=False)
-class Depths:
+class DepthImages:
     """What each camera sees, so that the renderer is needed no longer."""
 
     stored: tuple[_Stored, ...]
     scratch: Scratch
 
     @classmethod
-    def of(
-        cls, cameras: Sequence[Camera], scene: Scene, options: ColorOptions, scratch: Scratch
-    ) -> Depths:
-        """Render all cameras' depth, reduced by `options.depth_scale`, into `scratch`."""
+    def of(cls, cameras: Sequence[Camera], scene: Scene, scratch: Scratch) -> DepthImages:
+        """Render all cameras' depth, reduced by `DEPTH_SCALE`, into `scratch`."""
         stored = []
         for camera in cameras:
-            depth_camera, depth = depth_seen(camera, scene, options.depth_scale)
+            depth_camera, depth = depth_seen(camera, scene)
             start = scratch.append(np.ascontiguousarray(depth).data.cast("B"))
             stored.append(_Stored(depth_camera, start, (depth.shape[0], depth.shape[1])))
         return cls(tuple(stored), scratch)

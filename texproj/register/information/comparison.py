@@ -9,6 +9,7 @@ import numpy as np
 
 from texproj.arrays import Doubles, Floats
 from texproj.camera import Camera, Intrinsics
+from texproj.opencv import opencv_places
 from texproj.options import MutualInformationOptions
 from texproj.photo import Photo
 from texproj.register.information.samples import (
@@ -18,7 +19,7 @@ from texproj.register.information.samples import (
     outline_samples,
     surface_samples,
 )
-from texproj.register.structure.view import Render
+from texproj.render import Render
 from texproj.render.gbuffer import GBuffer
 from texproj.solve.mutual_information import (
     Binned,
@@ -29,6 +30,8 @@ from texproj.solve.mutual_information import (
     normalized_mutual_information,
 )
 
+BINS = 32
+"""Steps into which gray and rendered values are divided."""
 BLUR_PX = 0.8
 """Smoothing of the reduced photo, so that sampling between pixels does not change its noise."""
 TAIL = 0.5
@@ -56,8 +59,7 @@ class PhotoLevel:
     @classmethod
     def of(cls, photo: Photo, camera: Camera, longest_px: float, gradients: bool) -> PhotoLevel:
         """camera: of the photo, any size; longest_px: of the reduced photo."""
-        factor = min(1.0, longest_px / max(photo.width, photo.height))
-        photo = photo.resized(round(photo.width * factor), round(photo.height * factor))
+        photo = photo.reduced(longest_px)
         gray = cv2.GaussianBlur(photo.gray(), (0, 0), BLUR_PX)
         edges = gradient_strength(gray)
         gray = edges if gradients else gray
@@ -72,8 +74,8 @@ class PhotoLevel:
 
     def sampled(self, xy_px: Doubles) -> Floats:
         """(n, 3) channels at pixels of this picture."""
-        place = np.nan_to_num(xy_px - 0.5, nan=-9.0).astype(np.float32).reshape(-1, 1, 2)
-        return cv2.remap(self.channels, place, None, cv2.INTER_LINEAR).reshape(-1, 3)
+        places = opencv_places(xy_px).reshape(-1, 1, 2)
+        return cv2.remap(self.channels, places, None, cv2.INTER_LINEAR).reshape(-1, 3)
 
 
 def _widened(lens: Intrinsics) -> Intrinsics:
@@ -90,8 +92,8 @@ def _undistorted(picture: Floats, lens: Intrinsics, wide: Intrinsics) -> Floats:
         return picture
     x, y = np.meshgrid(np.arange(wide.width) + 0.5, np.arange(wide.height) + 0.5)
     ideal = np.stack([(x - wide.cx) / wide.fx, (y - wide.cy) / wide.fy], axis=2)
-    place = lens.distort(ideal.reshape(-1, 2)) * (lens.fx, lens.fy) + (lens.cx, lens.cy) - 0.5
-    places = np.nan_to_num(place, nan=-9.0).astype(np.float32).reshape(wide.height, wide.width, 2)
+    xy_px = lens.distort(ideal.reshape(-1, 2)) * (lens.fx, lens.fy) + (lens.cx, lens.cy)
+    places = opencv_places(xy_px).reshape(wide.height, wide.width, 2)
     return cv2.remap(picture, places, None, cv2.INTER_LINEAR)
 
 
@@ -145,7 +147,7 @@ class Comparison:
         surface = _usable(surface, level)
         if len(surface) < LEAST_SAMPLES:
             return None
-        layers = [_layer(surface, options.bins)] if surface.values else []
+        layers = [_layer(surface, BINS)] if surface.values else []
         if "silhouette" in options.maps:
             layers += _outline_layers(images, level, exact)
         if not layers:
@@ -154,7 +156,7 @@ class Comparison:
         low, high = np.percentile(gray, (TAIL, 100 - TAIL))
         gray_range = (float(low), float(max(high, low + 1e-3)))
         area = float(foreground(images).sum())
-        return cls(level, tuple(layers), area, gray_range, options.bins, options.measure)
+        return cls(level, tuple(layers), area, gray_range, BINS, options.measure)
 
     @property
     def camera(self) -> Camera:
