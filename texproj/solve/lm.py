@@ -98,7 +98,8 @@ class LmFit(Generic[X]):
     scatter2: float
 
     def covariance(self, scatter2: float | None = None) -> Doubles:
-        """(p, p) covariance of the delta at x; infinite where the data say nothing.
+        """(p, p) covariance of the delta at x; infinite everywhere where the data say nothing, or
+        nothing that can be computed.
 
         scatter2: the variance factor if known better than from the residuals of this fit.
         """
@@ -106,9 +107,13 @@ class LmFit(Generic[X]):
         hessian = self.data_hessian / max(factor, 1e-300) + self.prior_hessian
         dense = hessian.toarray() if _is_sparse(hessian) else hessian
         scale = np.sqrt(np.maximum(np.diag(dense), 1e-300))
-        values, vectors = np.linalg.eigh(dense / np.outer(scale, scale))
-        if values[0] < 1e-14 * len(values):
-            return np.full_like(dense, np.inf)
+        unknown = np.full(dense.shape, np.inf)
+        try:
+            values, vectors = np.linalg.eigh(dense / np.outer(scale, scale))
+        except np.linalg.LinAlgError:
+            return unknown
+        if not values[0] >= 1e-14 * len(values):
+            return unknown
         return (vectors / values) @ vectors.T / np.outer(scale, scale)
 
 

@@ -31,8 +31,8 @@ class PhotoFaultError(InputError):
 def attended(name: str, work: Callable[[], T]) -> T:
     """What `work` makes of photo `name`.
 
-    Raises PhotoFaultError, with a sentence for people, for whatever nobody foresaw; what was foreseen
-    (TexprojError), what concerns the whole run, and the wish to stop pass through.
+    Raises PhotoFaultError, with a sentence for people, for whatever nobody foresaw. What was
+    foreseen (TexprojError), what concerns the whole run, and the wish to stop pass through.
     """
     try:
         return work()

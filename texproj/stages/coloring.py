@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,11 @@ from texproj.color.sampling.photo_set import PhotoSet
 from texproj.color.vertices import color_vertices
 from texproj.errors import InputError, OutputError, nearest_name
 from texproj.files import json_hash, staging
-from texproj.formats.cameras import entry_of_record
+from texproj.formats.cameras import camera_part
+from texproj.photo import Photo
 from texproj.project import Project
 from texproj.records import CameraRecord
+from texproj.stages.attending import INTERNAL, NO_MEMORY, attended
 from texproj.stages.bench import Workbench
 from texproj.stages.checking import checker_of, checker_path
 from texproj.stages.freshness import (
@@ -99,6 +102,9 @@ def color_freshness(project: Project) -> Freshness:
     record = project.load_record(STAGE)
     reason = changed_inputs(record, _inputs(project))
     if record is not None and not reason:
+        faults = [n for n, why in record.get("failed", {}).items() if why in (INTERNAL, NO_MEMORY)]
+        reason = f"{', '.join(faults)} met an internal fault, which may be gone" if faults else ""
+    if record is not None and not reason:
         written = record.get("outputs", {})
         gone = [n for n, known in written.items() if project.hash_of(project.out / n) != known]
         reason = f"{', '.join(gone)} changed or missing in {project.out}" if gone else ""
@@ -113,6 +119,8 @@ def usable_cameras(project: Project) -> tuple[dict[str, Camera], dict[str, str]]
     cameras, failed = {}, {}
     for name, record in project.load_cameras().items():
         if record.registered_camera is None:
+            continue
+        if name in project.settings.exclude:
             continue
         if name not in project.photo_paths:
             failed[name] = (
@@ -129,7 +137,11 @@ def usable_cameras(project: Project) -> tuple[dict[str, Camera], dict[str, str]]
 
 def photo_set(project: Project, cameras: Mapping[str, Camera]) -> PhotoSet:
     """The photos of these cameras."""
-    return PhotoSet(tuple(cameras), tuple(cameras.values()), project.load_photo)
+
+    def read(name: str) -> Photo:
+        return attended(name, partial(project.load_photo, name))
+
+    return PhotoSet(tuple(cameras), tuple(cameras.values()), read)
 
 
 def _made(
@@ -176,8 +188,7 @@ def _inputs(project: Project) -> Inputs:
 def _photo_inputs(project: Project, name: str, record: CameraRecord) -> Inputs:
     if record.registered_camera is None:
         return {}
-    entry = entry_of_record(record)
-    camera = {key: entry[key] for key in ("width", "height", "K", "dist", "R", "t")}
+    camera = {"width": record.width, "height": record.height, **camera_part(record)}
     files = {name: project.photo_path(name), f"mask of {name}": project.mask_path(name)}
     return {**file_inputs(project, **files), f"camera of {name}": json_hash(camera)}
 
