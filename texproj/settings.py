@@ -74,9 +74,7 @@ def _table_of(field_name: str) -> str:
 
 
 SECTIONS: dict[str, Any] = {
-    _table_of(name): cls
-    for name, cls in get_type_hints(Settings).items()
-    if is_dataclass(cls)
+    _table_of(name): cls for name, cls in get_type_hints(Settings).items() if is_dataclass(cls)
 }
 """Tables of project.toml and the options that each holds."""
 
