@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from color_scenes import camera, picture, plane
 
-from texproj.color.blending.bands import AROUND_ONE, light_around, restored, soft_light
+from texproj.color.blending.bands import restored
 from texproj.color.blending.combine import blend
+from texproj.color.sampling.light_around import AROUND_ONE, light_around, soft_light
 from texproj.color.sampling.prepare import photo_view
 from texproj.color.sampling.sample import Samples
 from texproj.color.sampling.store import Spill, Stack

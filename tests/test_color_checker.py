@@ -268,8 +268,8 @@ def test_textures_are_absolute_too(renderer, mode, bits):
 
 def with_chart(folder, named):
     project = Project.open(folder)
-    options = replace(project.settings.options("color"), checker=named)
-    return project.with_settings(project.settings.with_options("color", options))
+    options = replace(project.settings.color, checker=named)
+    return project.with_settings(replace(project.settings, color=options))
 
 
 def test_the_project_reads_the_chart_and_a_new_one_makes_the_model_stale(project_folder):

@@ -7,6 +7,7 @@ from color_scenes import camera, picture, plane
 
 from texproj.camera import Camera
 from texproj.color.balance.focus import median_of_others, node_positions, upper_medians
+from texproj.color.balance.shared_points import Surveyor
 from texproj.color.balance.sharpness import SIDE, energies
 from texproj.color.blending.combine import blend
 from texproj.color.blending.highlights import highlight_factor
@@ -340,7 +341,9 @@ def test_the_survey_tells_sharpness_only_if_asked(scene):
     for power in (0.0, 1.0):
         options, scratch = ColorOptions(focus_power=power), Scratch()
         made = [photo_view(shots[k], views()[k], scene, options) for k in range(2)]
-        survey = project_views(points, made, 2, options, scratch)[1]
+        surveyor = Surveyor(points, 2, power > 0)
+        project_views(points, made, surveyor, 2, options, scratch)
+        survey = surveyor.survey()
         scratch.close()
 
         assert (survey.detail is None) == (power == 0)

@@ -8,12 +8,13 @@ import pytest
 PACKAGE = Path(__file__).resolve().parent.parent / "texproj"
 
 LAYERS = [
-    {"errors"},
+    {"errors", "arrays", "resources"},
     {"options"},
     {"camera", "mesh", "photo", "records"},
     {"solve", "render", "formats", "repair", "files"},
-    {"register", "color", "report", "demo", "settings"},
-    {"project"},
+    {"unwrap", "register", "color", "report", "demo", "settings"},
+    {"intake", "project"},
+    {"creation"},
     {"stages", "doctor"},
     {"preview"},
     {"cli", "__init__", "__main__"},

@@ -16,6 +16,7 @@ from texproj.arrays import Floats
 from texproj.camera import Camera
 from texproj.color.balance.corrections import corrected, gains_of, grids_of
 from texproj.color.balance.focus import solve_photos
+from texproj.color.balance.shared_points import Surveyor
 from texproj.color.blending.combine import blend
 from texproj.color.blending.highlights import highlight_factor
 from texproj.color.points.source import Chunk, PointSource
@@ -26,7 +27,7 @@ from texproj.color.sampling.prepare import silhouette_feather_px, view_of
 from texproj.color.sampling.store import Stack
 from texproj.color.sampling.view import WHITE, PhotoView, linear16
 from texproj.color.weights.picture import picture_factors, silhouette_factor
-from texproj.color.weights.surface import facing, resolution, surface_factors
+from texproj.color.weights.surface import MIN_COS_ANGLE, facing, resolution, surface_factors
 from texproj.options import ColorOptions
 from texproj.photo import Photo
 from texproj.resources.scratch import Scratch
@@ -81,10 +82,10 @@ def photo_factors(
                     found[number] = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
             yield view
 
-    spill, survey = project_views(
-        job.points, views(), len(job.cameras), job.options, job.scratch, progress
-    )
-    light, focus = solve_photos(survey, job.options)
+    count = len(job.cameras)
+    surveyor = Surveyor(job.points, count, job.options.focus_power > 0)
+    spill = project_views(job.points, views(), surveyor, count, job.options, job.scratch, progress)
+    light, focus = solve_photos(surveyor.survey(), job.options)
     gains, grids = gains_of(light.corrections), grids_of(job.cameras, light.corrections)
     for number, factors in found.items():
         parts = []
@@ -104,7 +105,7 @@ def own_factors(photo: Photo, view: PhotoView, job: Inspection, chunk: Chunk) ->
     """(n,) factors that a photo has by itself; those of the picture are 0 outside of it."""
     owners = job.points.owners
     cosine = facing(owners, view.camera)
-    seen = cosine > np.float32(job.options.min_cos_angle)
+    seen = cosine > np.float32(MIN_COS_ANGLE)
     surface = surface_factors(
         np.where(seen, cosine, np.float32(1)), resolution(owners, view.camera), job.options
     )

@@ -16,7 +16,8 @@ from texproj.color.alignment.shift import Alignment, alignments, displaced, per_
 from texproj.color.balance.corrections import gains_of, grids_of
 from texproj.color.balance.focus import solve_photos
 from texproj.color.balance.photometry import Photometry
-from texproj.color.blending.blending import blend_chunk
+from texproj.color.balance.shared_points import Surveyor
+from texproj.color.blending.combine import blend_chunk
 from texproj.color.checker.apply import absolute_matrix, in_absolute
 from texproj.color.filling.gutters import fill_page
 from texproj.color.filling.texels import fill_unseen
@@ -71,7 +72,9 @@ def color_texture(
         atlas = unwrap(mesh, density, unwrap_options, regions.result())
         points = TexelPoints.of(mesh, atlas, scratch)
         trim()
-        spill, survey = project_views(points, views, len(cameras), options, scratch, progress)
+        surveyor = Surveyor(points, len(cameras), options.focus_power > 0)
+        spill = project_views(points, views, surveyor, len(cameras), options, scratch, progress)
+        survey = surveyor.survey()
         trim()
         light, focus = solve_photos(survey, options)
         absolute, checker = absolute_matrix(options, survey, light)

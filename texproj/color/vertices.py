@@ -11,7 +11,8 @@ from texproj.camera import Camera
 from texproj.color.alignment.shift import displaced, per_alignment
 from texproj.color.balance.corrections import gains_of, grids_of
 from texproj.color.balance.focus import solve_photos
-from texproj.color.blending.blending import blend_chunk
+from texproj.color.balance.shared_points import Surveyor
+from texproj.color.blending.combine import blend_chunk
 from texproj.color.checker.apply import absolute_matrix, in_absolute
 from texproj.color.filling.vertices import fill_vertices
 from texproj.color.points.source import VertexPoints
@@ -48,7 +49,9 @@ def color_vertices(
     share = np.zeros(len(cameras))
     with opencv_in_one_thread(), renderer.load(mesh) as scene, closing(Scratch()) as scratch:
         views = displaced(views_in_turn(cameras, load_photo, scene, options), found)
-        spill, survey = project_views(points, views, len(cameras), options, scratch, progress)
+        surveyor = Surveyor(points, len(cameras), options.focus_power > 0)
+        spill = project_views(points, views, surveyor, len(cameras), options, scratch, progress)
+        survey = surveyor.survey()
         light, focus = solve_photos(survey, options)
         gains, grids = gains_of(light.corrections), grids_of(cameras, light.corrections)
         absolute, checker = absolute_matrix(options, survey, light)

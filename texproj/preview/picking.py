@@ -56,7 +56,7 @@ def fit_picks(project: Project, name: str, picks: Correspondences) -> dict[str, 
     start = start_of(project.load_cameras().get(name))
     prior = start.intrinsics if start else None
     pose = start.pose if start else None
-    options = project.settings.options("points")
+    options = project.settings.points
     fit = register_points(project.photo_info(name), picks, prior, options, pose)
     projected, _ = fit.camera.project(picks.xyz_in_world)
     return {

@@ -16,7 +16,7 @@ from texproj.stages.bench import Workbench
 
 def vertex_weights(bench: Workbench, photo: Photo, camera: Camera) -> NDArray[np.float32]:
     """(V,) product of the weight factors of one photo, 0 = unseen."""
-    options = bench.project.settings.options("color")
+    options = bench.project.settings.color
     view = photo_view(photo, camera, bench.scene, options)
     points = VertexPoints.of(bench.mesh)
     sight = sight_of(points.owners, view.camera, view.depth_camera, len(view.levels), options)

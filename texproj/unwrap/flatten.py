@@ -21,6 +21,8 @@ from texproj.unwrap.regions import (
 )
 from texproj.unwrap.stretch import signed_areas, stretch
 
+FLATNESS = 0.93  # least length of a chart's mean normal: lower gives fewer charts, more stretch
+STEEPEST_DEG = 75.0  # largest angle between a face and the plane of its chart
 SWAPS = 4  # rounds in which steep faces at a border may change to the neighbor
 RELAXATIONS = 4  # rounds in which corners of folded faces move between their neighbors
 SMALL_OVERLAP = 0.03  # of a chart's area: less is peeled from its border, more halves the chart
@@ -42,7 +44,7 @@ class Regions:
     def of(cls, mesh: Mesh, options: UnwrapOptions) -> Regions:
         """The regions of the whole mesh."""
         graph = dual_graph(mesh)
-        return cls(graph, _regions(mesh, graph, options))
+        return cls(graph, _regions(mesh, graph))
 
 
 def flatten(
@@ -52,7 +54,7 @@ def flatten(
 
     density: (F,) texels per mesh unit: overlaps are looked for in steps of half a texel.
     Every region is projected along its mean normal; corners of folded faces are moved between
-    their neighbors; what is still folded, steeper than options.steepest_deg or covered twice is
+    their neighbors; what is still folded, steeper than `STEEPEST_DEG` or covered twice is
     cut off and forms regions among itself.
     """
     graph, labels = regions.graph, regions.labels
@@ -60,7 +62,7 @@ def flatten(
     faces = np.arange(len(mesh.faces))
     finished, overlaps = [], 0
     for number in range(MOST_ROUNDS):
-        charts, bad = _unfolded(mesh, project(mesh, faces, labels), options)
+        charts, bad = _unfolded(mesh, project(mesh, faces, labels))
         kept = np.flatnonzero(~bad)
         flat = select(charts, kept, graph)  # folded faces would wind backwards
         at_border, twice = doubled(flat, _row_height(flat, area, density))
@@ -79,20 +81,20 @@ def flatten(
         overlaps += int(np.count_nonzero(twice))
         rows = np.flatnonzero(again)
         graph, faces = graph.restricted(rows), faces[rows]
-        labels = _cut_off(mesh, faces, labels[rows], bad[rows], graph, options)
+        labels = _cut_off(mesh, faces, labels[rows], bad[rows], graph)
     else:
         finished.append(project(mesh, faces, np.arange(len(faces))))
     return join(finished), overlaps
 
 
-def _regions(mesh: Mesh, graph: DualGraph, options: UnwrapOptions) -> Ints:
+def _regions(mesh: Mesh, graph: DualGraph) -> Ints:
     """(F,) connected regions of the smoothed surface, steep faces at their borders moved to
     the neighbor where they are less steep.
     """
     normals = 0.5 * face_cross(mesh.vertices, mesh.faces)
     smooth = smoothed_normals(normals, graph)
-    labels = grow_regions(smooth, graph.pairs, graph.lengths, options.flatness)
-    limit = np.cos(np.radians(options.steepest_deg))
+    labels = grow_regions(smooth, graph.pairs, graph.lengths, FLATNESS)
+    limit = np.cos(np.radians(STEEPEST_DEG))
     axes = plane_axes(sum_by_label(normals, labels, int(labels.max()) + 1))[:, 2]
     area = norms(normals)
     both = np.concatenate([graph.pairs, graph.pairs[:, ::-1]])
@@ -107,14 +109,14 @@ def _regions(mesh: Mesh, graph: DualGraph, options: UnwrapOptions) -> Ints:
     return connected(labels, graph)
 
 
-def _unfolded(mesh: Mesh, charts: Charts, options: UnwrapOptions) -> tuple[Charts, Bools]:
+def _unfolded(mesh: Mesh, charts: Charts) -> tuple[Charts, Bools]:
     """The charts with the inner corners of folded faces moved to the middle of their neighbors,
     and (n,) the faces that are still folded.
 
     Removes the folds that noise makes in a flat region, where cutting would shatter it.
     """
     every = np.arange(len(charts.faces))
-    bad = _folded(mesh, charts, every, options)
+    bad = _folded(mesh, charts, every)
     free = np.ones(len(charts.uv), bool)
     free[border_edges(charts)] = False
     for _ in range(RELAXATIONS):
@@ -125,7 +127,7 @@ def _unfolded(mesh: Mesh, charts: Charts, options: UnwrapOptions) -> tuple[Chart
             break
         touched = np.flatnonzero(moving[charts.faces].any(axis=1))
         charts = charts.with_uv(_averaged(charts.uv, charts.faces[touched], moving))
-        bad[touched] = _folded(mesh, charts, touched, options)
+        bad[touched] = _folded(mesh, charts, touched)
     return charts, bad
 
 
@@ -141,11 +143,11 @@ def _averaged(old: Doubles, faces: Ints, moving: Bools) -> Doubles:
     return uv
 
 
-def _folded(mesh: Mesh, charts: Charts, rows: Ints, options: UnwrapOptions) -> Bools:
+def _folded(mesh: Mesh, charts: Charts, rows: Ints) -> Bools:
     """(k,) of the faces in rows, those turned over, or stretched like a face at the steepest
     angle allowed.
     """
-    limit = np.cos(np.radians(options.steepest_deg))
+    limit = np.cos(np.radians(STEEPEST_DEG))
     corners = mesh.vertices[mesh.faces[charts.face_of_mesh[rows]]]
     area = signed_areas(charts.uv, charts.faces[rows])
     ratio = stretch(corners, charts.uv[charts.faces[rows]])
@@ -166,15 +168,13 @@ def _row_height(charts: Charts, area: Doubles, density: Doubles) -> Doubles:
     return 0.5 * total / np.maximum(texels, 1e-300)
 
 
-def _cut_off(
-    mesh: Mesh, faces: Ints, labels: Ints, bad: Bools, graph: DualGraph, options: UnwrapOptions
-) -> Ints:
+def _cut_off(mesh: Mesh, faces: Ints, labels: Ints, bad: Bools, graph: DualGraph) -> Ints:
     """(n,) connected labels in which the bad faces are regions of their own."""
     rows = np.flatnonzero(bad)
     inner = graph.restricted(rows)
     normals = 0.5 * face_cross(mesh.vertices, mesh.faces[faces[rows]])
     labels = labels.copy()
-    grown = grow_regions(normals, inner.pairs, inner.lengths, options.flatness)
+    grown = grow_regions(normals, inner.pairs, inner.lengths, FLATNESS)
     labels[rows] = labels.max() + 1 + grown
     return connected(labels, graph)
 

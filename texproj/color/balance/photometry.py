@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from texproj.arrays import Doubles
-from texproj.color.balance.corrections import Correction
+from texproj.color.balance.corrections import Correction, Gains, no_gains
 from texproj.color.balance.exposure import LightFit, solve_light
-from texproj.color.balance.gains import Gains, no_gains
 from texproj.color.balance.overlaps import Overlaps, overlaps
 from texproj.color.balance.shared_points import Survey
 from texproj.color.balance.vignetting import LensLight, lens_lights, lenses_of, light_grid

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -11,10 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.arrays import Floats
-from texproj.color.blending.bands import LUMINANCE, exchanged, restored
+from texproj.color.balance.corrections import Grid, corrected
+from texproj.color.blending.bands import exchanged, restored
 from texproj.color.blending.highlights import highlight_factor
-from texproj.color.sampling.store import Stack
+from texproj.color.points.source import PointSource
+from texproj.color.sampling.store import Spill, Stack
 from texproj.options import ColorOptions
+from texproj.photo import LUMINANCE
 
 BLOCK = 1 << 13
 """Points whose samples from several photos fit the processor's cache."""
@@ -165,3 +168,28 @@ def _squared_distance(trust: Floats, values: Floats, out: Floats) -> Floats:
     np.subtract(values, np.einsum("pn,pn->n", trust, values), out=out)
     out *= out
     return out
+
+
+def blend_chunk(
+    spill: Spill,
+    points: PointSource,
+    number: int,
+    gains: Floats,
+    grids: Sequence[Grid | None],
+    options: ColorOptions,
+) -> Blend:
+    """One color for each point of a chunk.
+
+    gains: (p, 3), grids: (p,) of all photos in all; the share of the blend is (p,) of them too.
+    """
+    parts, share = [], np.zeros(len(gains))
+    for rows in spill.pieces(number):
+        stack = corrected(spill.read(number, rows), points, number, grids, rows)
+        parts.append(blend(stack, gains, options))
+        share[stack.photos] += parts[-1].share
+    return Blend(
+        np.concatenate([part.rgb for part in parts]),
+        np.concatenate([part.weight for part in parts]),
+        np.concatenate([part.photo_count for part in parts]),
+        share,
+    )

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.arrays import Floats
-from texproj.color.blending.bands import LUMINANCE
+from texproj.photo import LUMINANCE
 
 SCALE = 0.1
 """How much brighter than the median, in square roots of linear light (1 = white), a highlight is

@@ -16,7 +16,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
 from texproj.arrays import Bools, Floats, Ints
-from texproj.color.patches.views import FaceViews
+from texproj.color.patches.views import CONSENSUS_SCALE, OUTLIER, FaceViews
 from texproj.mesh import Mesh, face_areas
 from texproj.options import PatchOptions
 from texproj.unwrap.regions import DualGraph, connected
@@ -171,7 +171,7 @@ def choose_photos(mesh: Mesh, views: FaceViews, graph: DualGraph, options: Patch
     area_px = (face_areas(mesh) * views.density.astype(np.float64) ** 2).astype(np.float32)
     real = views.seen[graph.pairs].all(axis=1)
     seam = options.seam_px * graph.lengths * views.density[graph.pairs].mean(axis=1)
-    apart = disagreement(views, options).clip(0, DISAGREEING - AGREEING)
+    apart = disagreement(views).clip(0, DISAGREEING - AGREEING)
     seam *= AGREEING + apart[graph.pairs].mean(axis=1)
     faces = _Problem.of(views, area_px, graph.pairs[real], seam[real])
     for number, size in enumerate(GROUPS_PX):
@@ -186,16 +186,16 @@ def choose_photos(mesh: Mesh, views: FaceViews, graph: DualGraph, options: Patch
     return faces.expanded(labels, faces.beside_seams(labels))
 
 
-def disagreement(views: FaceViews, options: PatchOptions) -> Floats:
+def disagreement(views: FaceViews) -> Floats:
     """(F,) root mean square difference of a face's photos from what they agree on, in
     `consensus_scale`; one that shows something else counts `outlier` of these.
     """
     known = np.count_nonzero(views.photo >= 0, axis=1)
     outliers = np.count_nonzero(views.outlier >= 0, axis=1)
-    square = np.float32(options.outlier**2) * outliers.astype(np.float32)
+    square = np.float32(OUTLIER**2) * outliers.astype(np.float32)
     for rank in range(views.photo.shape[1]):
         way = views.to_consensus[:, rank].astype(np.float32)
-        square += np.einsum("fc,fc->f", way, way) / np.float32(3 * options.consensus_scale**2)
+        square += np.einsum("fc,fc->f", way, way) / np.float32(3 * CONSENSUS_SCALE**2)
     return np.sqrt(square / np.maximum(known + outliers, 1)).astype(np.float32)
 
 

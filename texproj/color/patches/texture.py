@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from texproj.arrays import Floats
 from texproj.camera import Camera
-from texproj.color.balance.gains import Gains
+from texproj.color.balance.corrections import Gains
 from texproj.color.balance.photometry import Photometry, solve_photometry
+from texproj.color.balance.shared_points import Surveyor
 from texproj.color.checker.apply import absolute_matrix, in_absolute
 from texproj.color.filling.gutters import fill_page
 from texproj.color.filling.texels import fill_unseen
@@ -104,7 +105,9 @@ def _surveyed(
     survey, points = survey_options(settings.color), FacePoints.of(mesh, len(shots.cameras))
     shown = views_ahead(shots.cameras, shots.load_photo, shots.depths, survey)
     count = len(shots.cameras)
-    spill, evidence = project_views(points, shown, count, survey, scratch, steps.first)
+    surveyor = Surveyor(points, count, survey.focus_power > 0)
+    spill = project_views(points, shown, surveyor, count, survey, scratch, steps.first)
+    evidence = surveyor.survey()
     light = solve_photometry(evidence, settings.color)
     absolute, checker = absolute_matrix(settings.color, evidence, light)
     views = face_views(points, shots.cameras, spill, light, settings.color, settings.patch)

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from texproj.arrays import Floats
 from texproj.camera import Camera
-from texproj.color.balance.corrections import corrected, grids_of
-from texproj.color.balance.gains import Gains
+from texproj.color.balance.corrections import Gains, corrected, grids_of
 from texproj.color.balance.photometry import Photometry
 from texproj.color.points.source import CHUNK, Chunk, Owners
 from texproj.color.sampling.store import Spill, Stack
@@ -29,6 +28,19 @@ SAMPLES = len(BARYCENTRIC)
 FEW = 16
 """Photos up to which a chunk holds `points.CHUNK` points."""
 
+CANDIDATES = 10
+"""Most photos that a face can choose from."""
+
+MARGIN = 0.3
+"""What it costs to use the very border of a photo, or the edge of something in front; 1 = as much
+as a wrong photo."""
+
+CONSENSUS_SCALE = 0.03
+"""Difference from what all photos agree on (square root of linear light, 1 = white) that costs
+half as much as a wrong photo."""
+
+OUTLIER = 3.0
+"""Beyond so many times that difference a photo is not used, if at least `FEWEST` others agree."""
 FEWEST_FACES = 512
 
 ROUNDS = 4
@@ -115,7 +127,7 @@ def face_views(
     patch: PatchOptions,
 ) -> FaceViews:
     """The photos for each face from the samples of all of them."""
-    count, k = len(points.corners), max(1, min(patch.candidates, len(cameras)))
+    count, k = len(points.corners), max(1, min(CANDIDATES, len(cameras)))
     out = FaceViews(
         np.full((count, k), -1, np.int32),
         np.full((count, k), np.inf, np.float32),
@@ -175,10 +187,10 @@ def _judged(
     error = np.sqrt((away * away).mean(axis=1).sum(axis=1) / np.maximum(visible.sum(axis=1), 1))
     best = np.where(whole, quality, 0).max(axis=0)
     coarser = np.log2(np.maximum(best, 1e-20) / np.maximum(quality, 1e-20)).clip(0, 10)
-    doubt = (error / np.float32(patch.consensus_scale)) ** 2
+    doubt = (error / np.float32(CONSENSUS_SCALE)) ** 2
     cost = doubt / (1 + doubt) + np.float32(patch.resolution) * coarser
-    cost += np.float32(patch.margin) * (1 - trust)
-    outlier = error > np.float32(patch.outlier * patch.consensus_scale)
+    cost += np.float32(MARGIN) * (1 - trust)
+    outlier = error > np.float32(OUTLIER * CONSENSUS_SCALE)
     agreeing = np.count_nonzero(whole & ~outlier, axis=0)
     outlier &= agreeing >= FEWEST
     return np.where(whole & ~outlier, cost, np.float32(np.inf)), away.mean(axis=2), outlier

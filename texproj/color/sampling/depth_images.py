@@ -33,10 +33,10 @@ class Depths:
     def of(
         cls, cameras: Sequence[Camera], scene: Scene, options: ColorOptions, scratch: Scratch
     ) -> Depths:
-        """Render all cameras' depth, reduced by `options.depth_scale`, into `scratch`."""
+        """Render all cameras' depth, reduced by `DEPTH_SCALE`, into `scratch`."""
         stored = []
         for camera in cameras:
-            depth_camera, depth = depth_seen(camera, scene, options.depth_scale)
+            depth_camera, depth = depth_seen(camera, scene)
             start = scratch.append(np.ascontiguousarray(depth).data.cast("B"))
             stored.append(_Stored(depth_camera, start, (depth.shape[0], depth.shape[1])))
         return cls(tuple(stored), scratch)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import Protocol
 
 from texproj.camera import Camera
-from texproj.color.balance.shared_points import Survey, Surveyor
 from texproj.color.points.source import PointSource
 from texproj.color.sampling.depth_images import Depths
 from texproj.color.sampling.prepare import photo_view, view_of
 from texproj.color.sampling.sample import sample
 from texproj.color.sampling.store import Spill
 from texproj.color.sampling.view import PhotoView
-from texproj.color.weights.surface import sight_of
+from texproj.color.weights.surface import Sight, sight_of
 from texproj.options import ColorOptions
 from texproj.photo import Photo
 from texproj.render import Scene
@@ -24,6 +24,13 @@ __all__ = ["LoadPhoto", "Progress", "add_photo", "project_views", "views_ahead",
 
 LoadPhoto = Callable[[int], Photo | None]
 Progress = Callable[[int, int], None]
+
+
+class Observer(Protocol):
+    """Looks at each view beside the projection, while it is in memory."""
+
+    def add(self, number: int, sight: Sight, view: PhotoView) -> None:
+        """Note what the photo of that number shows."""
 
 
 def views_in_turn(
@@ -55,31 +62,32 @@ def views_ahead(
 def project_views(
     points: PointSource,
     views: Iterable[PhotoView | None],
+    observer: Observer,
     count: int,
     options: ColorOptions,
     scratch: Scratch,
     progress: Progress | None = None,
-) -> tuple[Spill, Survey]:
-    """The samples of prepared views, `count` in all, and the survey of some points."""
-    spill, surveyor = Spill(points.sizes, scratch), Surveyor(points, count, options.focus_power > 0)
+) -> Spill:
+    """The samples of prepared views, `count` in all, each of which `observer` sees too."""
+    spill = Spill(points.sizes, scratch)
     for number, view in enumerate(views):
         if view is not None:
-            add_photo(spill, surveyor, number, points, view, options)
+            add_photo(spill, observer, number, points, view, options)
         del view  # before the next one is made
         if progress:
             progress(number + 1, count)
-    return spill, surveyor.survey()
+    return spill
 
 
 def add_photo(
     spill: Spill,
-    surveyor: Surveyor,
+    observer: Observer,
     number: int,
     points: PointSource,
     view: PhotoView,
     options: ColorOptions,
 ) -> None:
-    """Append what one photo says about every chunk of the points, and to the survey."""
+    """Append what one photo says about every chunk of the points, and show it to the observer."""
     sight = sight_of(points.owners, view.camera, view.depth_camera, len(view.levels), options)
 
     def one(chunk: int) -> None:
@@ -88,6 +96,6 @@ def add_photo(
             spill.add(number, chunk, samples)
 
     with ThreadPoolExecutor(1) as beside:
-        surveyed = beside.submit(surveyor.add, number, sight, view)
+        observed = beside.submit(observer.add, number, sight, view)
         in_parallel(one, range(len(points.sizes)))
-        surveyed.result()
+        observed.result()

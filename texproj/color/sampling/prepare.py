@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from texproj.arrays import Floats
 from texproj.camera import Camera
-from texproj.color.blending.bands import soft_light
+from texproj.color.sampling.light_around import soft_light
 from texproj.color.sampling.pixel_lookup import photo_pixels, rescaled
 from texproj.color.sampling.view import WHITE, PhotoView, linear16
 from texproj.color.weights.picture import picture_factors, silhouette_factor
@@ -19,13 +19,19 @@ from texproj.options import ColorOptions
 from texproj.photo import Photo
 from texproj.render import Scene, pinhole_cover
 
+DEPTH_SCALE = 0.5
+"""Size of the depth image that decides what a photo sees, as a part of the photo's size:
+silhouettes are feathered over more than its pixels."""
+
+SILHOUETTE_FEATHER = 0.005
+"""Width of the ramp beside depth discontinuities, as a part of the photo's diagonal."""
 STRIP = 128
 """Rows of a reduced image that are made at once."""
 
 
 def photo_view(photo: Photo, camera: Camera, scene: Scene, options: ColorOptions) -> PhotoView:
     """What `photo` sees of the scene. `camera` is that of the full-size photo."""
-    depth_camera, depth = depth_seen(camera, scene, options.depth_scale)
+    depth_camera, depth = depth_seen(camera, scene)
     return view_of(photo, camera, depth_camera, depth, options)
 
 
@@ -46,7 +52,7 @@ def view_of(
 def silhouette_feather_px(camera: Camera, depth_camera: Camera, options: ColorOptions) -> float:
     """Pixels of the depth camera over which the silhouette's factor rises. camera: the photo's."""
     diagonal = float(np.hypot(camera.width, camera.height))
-    return options.silhouette_feather * diagonal * depth_camera.intrinsics.fx / camera.intrinsics.fx
+    return SILHOUETTE_FEATHER * diagonal * depth_camera.intrinsics.fx / camera.intrinsics.fx
 
 
 def picture_trust(photo: Photo, levels: tuple[NDArray[Any], ...], options: ColorOptions) -> Floats:
@@ -70,9 +76,9 @@ def in_depth_pixels(image: Floats, view: PhotoView) -> Floats:
     return cv2.remap(image, small, None, cv2.INTER_LINEAR, borderValue=0)
 
 
-def depth_seen(camera: Camera, scene: Scene, scale: float) -> tuple[Camera, Floats]:
-    """A pinhole camera that covers the picture, reduced by `scale`, and the depth that it sees."""
-    depth_camera = pinhole_cover(camera.scaled(scale))
+def depth_seen(camera: Camera, scene: Scene) -> tuple[Camera, Floats]:
+    """A pinhole camera that covers the picture, reduced by `DEPTH_SCALE`, and its depth image."""
+    depth_camera = pinhole_cover(camera.scaled(DEPTH_SCALE))
     depth = scene.gbuffer(depth_camera, ("depth",)).depth
     assert depth is not None
     return depth_camera, depth

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.arrays import Floats
-from texproj.color.blending.bands import light_around
 from texproj.color.points.source import Chunk
+from texproj.color.sampling.light_around import light_around
 from texproj.color.sampling.pixel_lookup import depth_pixels, photo_pixels, read_colors, taken
 from texproj.color.sampling.view import PhotoView
 from texproj.color.weights.surface import Sight

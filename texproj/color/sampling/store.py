@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.arrays import Floats
-from texproj.color.blending.bands import AROUND_ONE
+from texproj.color.sampling.light_around import AROUND_ONE
 from texproj.color.sampling.sample import WEIGHT_ONE, Samples
 from texproj.color.sampling.view import WHITE
 from texproj.resources.scratch import Scratch

@@ -14,6 +14,12 @@ from texproj.arrays import Floats
 from texproj.options import ColorOptions
 from texproj.photo import Photo
 
+BORDER_FEATHER = 0.03
+"""Width of the ramp at a photo's border, as a part of its diagonal."""
+MASK_FEATHER = 0.003
+"""Width of the ramp beside a mask, as a part of the photo's diagonal."""
+DARK_WEIGHT = 0.2
+"""Weight of samples where the photo is hardly above black."""
 FLOOR = np.float32(0.01)
 """What a doubtful but visible sample keeps: it yields to every better one, yet colors a point
 that has no better one."""
@@ -41,14 +47,12 @@ def picture_factors(
     """
     height, width = small.shape[:2]
     diagonal = float(np.hypot(width, height))
-    factors = {"border": border_factor(height, width, options.border_feather * diagonal)}
+    factors = {"border": border_factor(height, width, BORDER_FEATHER * diagonal)}
     if photo.mask is not None and not photo.mask.all():
-        erode, feather = options.mask_erode * diagonal, options.mask_feather * diagonal
+        erode, feather = options.mask_erode * diagonal, MASK_FEATHER * diagonal
         factors["mask"] = mask_factor(photo.mask, (height, width), erode, feather)
-    if min(options.clipped_weight, options.dark_weight) < 1:
-        factors["exposure"] = exposure_factor(
-            small, white, options.clipped_weight, options.dark_weight
-        )
+    if min(options.clipped_weight, DARK_WEIGHT) < 1:
+        factors["exposure"] = exposure_factor(small, white, options.clipped_weight, DARK_WEIGHT)
     return factors
 
 

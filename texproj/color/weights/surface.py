@@ -21,6 +21,9 @@ and the mesh's own noise."""
 DEPTH_TOLERANCE_PX = 1.5
 """Pixels of the depth image by which point and depth sample may be apart, times the slope."""
 
+MIN_COS_ANGLE = 0.05
+"""Surface turned away from the camera further than this cosine gets no color from it: at 87 degrees
+a pixel of error in depth moves the color by twenty."""
 STEEPEST = 20.0
 """Largest slope (tangent of the view angle) for which the tolerance still grows."""
 
@@ -49,7 +52,7 @@ def sight_of(
 ) -> Sight:
     """The sight of a photo with so many pyramid levels."""
     cosine = facing(owners, camera)
-    seen = cosine > np.float32(options.min_cos_angle)
+    seen = cosine > np.float32(MIN_COS_ANGLE)
     cosine = np.where(seen, cosine, np.float32(1))
     pixels = resolution(owners, camera)
     weight = np.where(seen & (pixels > 0), np.float32(1), np.float32(0))

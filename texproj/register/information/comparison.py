@@ -29,6 +29,8 @@ from texproj.solve.mutual_information import (
     normalized_mutual_information,
 )
 
+BINS = 32
+"""Steps into which gray and rendered values are divided."""
 BLUR_PX = 0.8
 """Smoothing of the reduced photo, so that sampling between pixels does not change its noise."""
 TAIL = 0.5
@@ -145,7 +147,7 @@ class Comparison:
         surface = _usable(surface, level)
         if len(surface) < LEAST_SAMPLES:
             return None
-        layers = [_layer(surface, options.bins)] if surface.values else []
+        layers = [_layer(surface, BINS)] if surface.values else []
         if "silhouette" in options.maps:
             layers += _outline_layers(images, level, exact)
         if not layers:
@@ -154,7 +156,7 @@ class Comparison:
         low, high = np.percentile(gray, (TAIL, 100 - TAIL))
         gray_range = (float(low), float(max(high, low + 1e-3)))
         area = float(foreground(images).sum())
-        return cls(level, tuple(layers), area, gray_range, options.bins, options.measure)
+        return cls(level, tuple(layers), area, gray_range, BINS, options.measure)
 
     @property
     def camera(self) -> Camera:

@@ -181,7 +181,7 @@ def _refusal(proof: Evidence, error_percent: float, options: MutualInformationOp
             "else pick 4 points)"
         )
     if error_percent > options.max_error_percent:
-        return f"the expected error is {error_percent:.1f} % of the width {again}"
+        return f"the expected error is {error_percent:.1f} % of the longer side {again}"
     return ""
 
 
@@ -193,7 +193,7 @@ def _fit(task: Task, shown: Comparison, proof: Evidence) -> Fit:
     spread = float(np.einsum("nip,pq,niq->n", jacobian, covariance, jacobian).mean())
     scattered = np.mean(np.square(proof.apart)) / (1 + RESTARTS)  # of the mean of all ends
     error = camera.width * float(np.sqrt(spread / camera.width**2 + scattered + SYSTEMATIC**2))
-    reason = _refusal(proof, 100 * error / camera.width, task.options)
+    reason = _refusal(proof, 100 * error / max(camera.width, camera.height), task.options)
     picks = task.picks
     residual = np.zeros(0)
     if picks is not None:

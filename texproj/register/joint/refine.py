@@ -37,6 +37,13 @@ Pair = tuple[int, int]
 
 FIRST_RADIUS_PX, LATER_RADIUS_PX = 8, 5
 """Search radius in the first round and once the photos are close, working pixels."""
+MOST_ROUNDS, FINE_ROUNDS = 8, 2
+"""Most rounds at the working size, where the cameras come to rest after five to eight, and at twice
+that size."""
+FOCAL_SIGMA = 0.02
+"""Trust in the focal length that the photos of one lens have found on average: relative."""
+LEAST_SUPPORT = 0.15
+"""A photo is thrown out if no partner confirms at least this share of its patches."""
 TIE_SIGMA_PX = 0.5
 """Noise of a tie, working pixels: what well registered photos of real scenes show."""
 TIE_LOSS = Loss("cauchy", 1.5)
@@ -129,7 +136,7 @@ def refine(
 
 def _schedule(options: RefineOptions) -> list[tuple[int, int]]:
     """(working size, most rounds there)."""
-    return [(options.working_px, options.rounds), (2 * options.working_px, options.fine_rounds)]
+    return [(options.working_px, MOST_ROUNDS), (2 * options.working_px, FINE_ROUNDS)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +190,7 @@ class _Joint:
 
     def confirmed(self, found: dict[Pair, TieSearch], options: RefineOptions) -> set[int]:
         """Photos of which at least one partner shows the same surface at the same place."""
-        return {k for k, share in _best_support(found).items() if share >= options.least_support}
+        return {k for k, share in _best_support(found).items() if share >= LEAST_SUPPORT}
 
     def solve(self, cameras: Cameras, joined: Ties, longest: int) -> tuple[Cameras, LmFit[Cameras]]:
         """Move all tied cameras at once."""
@@ -255,7 +262,7 @@ def _shared_lenses(
         _relensed(camera, _common_lens(k, group, cameras), points[k]) if free[g] else camera
         for k, (camera, g) in enumerate(zip(cameras, group, strict=True))
     )
-    return start, Lenses(group, common, options.focal_sigma, free)
+    return start, Lenses(group, common, FOCAL_SIGMA, free)
 
 
 def _common_lens(k: int, group: NDArray[np.intp], cameras: Sequence[Camera]) -> Intrinsics:

@@ -37,7 +37,7 @@ class ChainOptions:
 
     silhouette: SilhouetteOptions = field(default_factory=SilhouetteOptions)
     information: MutualInformationOptions = field(default_factory=MutualInformationOptions)
-    structure: StructureOptions = field(default_factory=lambda: StructureOptions(wider=False))
+    structure: StructureOptions = field(default_factory=StructureOptions)
 
 
 def register_from_outline(
@@ -92,7 +92,7 @@ def _exact(photo: Photo, start: Camera, render: Render, options: ChainOptions) -
     """By structure where there is plenty of it, else by mutual information if that is sure."""
     structure: Fit | None = None
     with suppress(RegistrationError):  # too smooth: shading decides
-        structure = register_structure(photo, start, render, options.structure)
+        structure = register_structure(photo, start, render, options.structure, wider=False)
     if structure and structure.accepted and structure.quality["support"] >= PLENTY:
         return structure
     fit = register_mutual_information(photo, start, render, options.information)

@@ -33,6 +33,16 @@ from texproj.solve.silhouette import OutlineDistance, outline, signed_distance, 
 SEARCH_PX = 96
 """Longer side of the picture in which views are compared."""
 COARSE_ROUNDS, FINE_ROUNDS = 5, 6
+WORKING_PX = 320
+"""Longer side of the picture in which views are fitted finely."""
+FOLLOWED = 24
+"""Views that are fitted coarsely, the likeliest of those compared."""
+HYPOTHESES = 5
+"""Views that are fitted finely, if they differ, and told apart by what is inside."""
+MAX_XOR = 0.06
+"""Area between the two outlines, as a share of the object's, above which a camera is refused."""
+RIVAL = 1.5
+"""A camera from elsewhere is a rival if its area is smaller than this many times the best."""
 MOST_POINTS = 500
 LEAST_POINTS = 30
 CORRELATED_PX = 8.0
@@ -75,7 +85,7 @@ def register_silhouette(
     """
     options = options or SilhouetteOptions()
     found = hypotheses(photo, prior, render, mesh, options, mask)
-    best, rivals = found[0], rivals_of(found, mesh, options)
+    best, rivals = found[0], rivals_of(found)
     return _fit(best, len(rivals), options)
 
 
@@ -93,19 +103,19 @@ def hypotheses(
     lens = prior.intrinsics if isinstance(prior, Camera) else prior or guessed_lens(photo.info)
     starts = [start] if start else _searched(wanted, lens, mesh, options)
     coarse = [fitted(s, wanted, render, SEARCH_PX, COARSE_ROUNDS) for s in starts]
-    kept = _distinct(sorted(coarse, key=lambda h: h.xor), mesh, options.hypotheses)
-    fine = [fitted(h.camera, wanted, render, options.working_px, FINE_ROUNDS) for h in kept]
+    kept = _distinct(sorted(coarse, key=lambda h: h.xor), mesh, HYPOTHESES)
+    fine = [fitted(h.camera, wanted, render, WORKING_PX, FINE_ROUNDS) for h in kept]
     if not fine:
         raise RegistrationError(
             f"{photo.info.name}: no view of the mesh has the object's outline "
             "(is the mask right? else pick 4 points)"
         )
-    return _distinct(sorted(fine, key=lambda h: h.xor), mesh, options.hypotheses)
+    return _distinct(sorted(fine, key=lambda h: h.xor), mesh, HYPOTHESES)
 
 
-def rivals_of(found: list[Hypothesis], mesh: Mesh, options: SilhouetteOptions) -> list[Hypothesis]:
+def rivals_of(found: list[Hypothesis]) -> list[Hypothesis]:
     """Those after the first whose outline is about as good."""
-    return [h for h in found[1:] if h.xor < options.rival * found[0].xor]
+    return [h for h in found[1:] if h.xor < RIVAL * found[0].xor]
 
 
 def _projected(start: Camera | None, render: Render, photo: Photo) -> Mask | None:
@@ -119,9 +129,7 @@ def _projected(start: Camera | None, render: Render, photo: Photo) -> Mask | Non
 def _searched(mask: Mask, lens: Intrinsics, mesh: Mesh, options: SilhouetteOptions) -> list[Camera]:
     small = _resized(mask, SEARCH_PX)
     height, width = small.shape
-    views = views_with_outline(
-        small, lens.resized(width, height), mesh, options.views, options.followed
-    )
+    views = views_with_outline(small, lens.resized(width, height), mesh, options.views, FOLLOWED)
     return [Camera(lens, v.camera.pose) for v in views]
 
 
@@ -186,7 +194,7 @@ def _fit(best: Hypothesis, rivals: int, options: SilhouetteOptions) -> Fit:
         spread = np.einsum("nip,pq,niq->n", jacobian, covariance, jacobian).mean()
         error = float(np.sqrt(spread)) * scale
         residual = np.abs(fit.residual[:, 0]) * scale
-    reason = _refusal(best, rivals, 100 * error / camera.width, options)
+    reason = _refusal(best, rivals, 100 * error / max(camera.width, camera.height), options)
     return Fit(
         camera=camera, method="silhouette", expected_error_px=error, residual_px=residual,
         inliers=residual < 3 * max(float(np.median(residual)) if len(residual) else 0.0, 1e-9),
@@ -198,7 +206,7 @@ def _fit(best: Hypothesis, rivals: int, options: SilhouetteOptions) -> Fit:
 def _refusal(
     best: Hypothesis, rivals: int, error_percent: float, options: SilhouetteOptions
 ) -> str:
-    if best.xor > options.max_xor:
+    if best.xor > MAX_XOR:
         return (
             f"the best outline found differs by {best.xor:.0%} of the object's area "
             "(is the mask right, and the object whole in the picture?)"
@@ -210,7 +218,7 @@ def _refusal(
         )
     if error_percent > options.max_error_percent:
         return (
-            f"the outline leaves the camera uncertain by {error_percent:.1f} % of the width "
+            f"the outline leaves the camera uncertain by {error_percent:.1f} % of the longer side "
             "(pick 4 points)"
         )
     return ""

@@ -18,6 +18,8 @@ from texproj.solve.robust import Estimate, Noise, robust_estimate
 GROSS = 0.015
 """A pick further off than this part of the longer side is wrong, whatever the noise."""
 
+SEED = 0
+"""Of the random samples, so that the same picks give the same camera."""
 SAMPLES = (600, 120)
 """Three-point samples at a known focal length, and at each one of a search over focal lengths."""
 
@@ -81,7 +83,7 @@ class Search:
 
     def _starts(self, lens: Lens) -> list[Camera]:
         lenses = lens.focal_candidates()
-        options = MsacOptions(self.noise.gross_px, SAMPLES[len(lenses) > 1], seed=self.options.seed)
+        options = MsacOptions(self.noise.gross_px, SAMPLES[len(lenses) > 1], seed=SEED)
         xy, xyz = self.picks.xy_px, self.picks.xyz_in_world
         found = []
         for k in lenses:

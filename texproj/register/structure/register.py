@@ -33,6 +33,18 @@ from texproj.register.structure.view import Observation, Render, StructureView
 from texproj.solve.lm import LmFit
 from texproj.solve.reprojection import projection_jacobian
 
+ROLLS_DEG = (-14.0, -7.0, 0.0, 7.0, 14.0)
+"""Turns about the line of sight that are tried around the start."""
+SCALES = (0.74, 0.86, 1.0, 1.16, 1.35)
+"""Enlargements that are tried around the start: with the turns, all starts up to 400 px, 15 degrees
+and 30 % of depth off were found on two scenes."""
+STARTS = 5
+"""Turned, enlarged and shifted starts that are followed up, the best ones; the right one was among
+the first four on two scenes."""
+SURE_SUPPORT = 0.75
+"""Share of patches found in place at which no further start is tried; wrong places reach half."""
+CONFIRMED_SUPPORT = 0.45
+"""The same where two starts have led to the same place."""
 STARTS_EACH = 2
 """Starts taken from each position of the wider search."""
 SYSTEMATIC = 0.45
@@ -45,21 +57,26 @@ SAME_PLACE = 0.01
 
 
 def register_structure(
-    photo: Photo, prior: Camera, render: Render, options: StructureOptions | None = None
+    photo: Photo,
+    prior: Camera,
+    render: Render,
+    options: StructureOptions | None = None,
+    wider: bool = True,
 ) -> Fit:
     """The camera of `photo`, searched around `prior` (full size), and whether to believe it.
 
     photo: may be reduced; `options.working_px` on its longer side is enough. render: depth,
     normal and ambient occlusion of the mesh for a camera. The fit's camera is for the
-    full-size photo; `accepted` is the verdict, `reason` says what to do if it is refused.
+    full-size photo; `accepted` is the verdict, `reason` says what to do if it is refused. wider:
+    search from other positions too if the search around the start fails.
     Raises RegistrationError if no start leads anywhere.
     """
     options = options or StructureOptions()
     view = StructureView.of(photo, render, options.working_px, prior)
-    fit = _attempt(view, prior, _likely_starts(view, prior, options), options)
-    if options.wider and not (fit and fit.accepted):
-        wider = _attempt(view, prior, _wider_starts(view, prior, options), options)
-        fit = max((f for f in (fit, wider) if f), key=_rank, default=None)
+    fit = _attempt(view, prior, _likely_starts(view, prior), options)
+    if wider and not (fit and fit.accepted):
+        other = _attempt(view, prior, _wider_starts(view, prior), options)
+        fit = max((f for f in (fit, other) if f), key=_rank, default=None)
     if fit is None:
         raise RegistrationError(
             f"{photo.info.name}: nothing in the photo looks like the mesh around the start camera "
@@ -72,27 +89,23 @@ def _rank(fit: Fit) -> tuple[bool, float]:
     return fit.accepted, fit.quality["support"]
 
 
-def _likely_starts(
-    view: StructureView, prior: Camera, options: StructureOptions
-) -> Iterator[Camera]:
+def _likely_starts(view: StructureView, prior: Camera) -> Iterator[Camera]:
     """Placements of the prior's view, the best first, and the prior itself."""
-    rolls = tuple(np.radians(options.rolls_deg))
-    for start in placed_starts(view, prior, rolls, options.scales, options.starts):
+    rolls = tuple(np.radians(ROLLS_DEG))
+    for start in placed_starts(view, prior, rolls, SCALES, STARTS):
         yield start.camera
     yield prior
 
 
-def _wider_starts(
-    view: StructureView, prior: Camera, options: StructureOptions
-) -> Iterator[Camera]:
+def _wider_starts(view: StructureView, prior: Camera) -> Iterator[Camera]:
     """The best placements of what is seen from positions around the prior's."""
-    rolls, scales = tuple(np.radians(options.rolls_deg[1:-1])), options.scales[1:-1]
+    rolls, scales = tuple(np.radians(ROLLS_DEG[1:-1])), SCALES[1:-1]
     found = [
         start
         for camera in cameras_around(view, prior)
         for start in placed_starts(view, camera, rolls, scales, STARTS_EACH)
     ]
-    for start in sorted(found, key=lambda s: -s.score)[: options.starts]:
+    for start in sorted(found, key=lambda s: -s.score)[:STARTS]:
         yield start.camera
 
 
@@ -105,7 +118,7 @@ def _attempt(
         candidate = approach(view, start)
         if candidate is not None:
             found.append(candidate)
-            if _settled(found, options):
+            if _settled(found):
                 break
     if not found:
         return None
@@ -119,14 +132,14 @@ def _attempt(
     return _fit(seen, fit, camera, judge(view, seen, camera, options, prior), options)
 
 
-def _settled(found: list[Candidate], options: StructureOptions) -> bool:
+def _settled(found: list[Candidate]) -> bool:
     """The best candidate stands out, or another start led to the same place."""
     best = max(found, key=lambda c: c.support)
-    if best.support >= options.sure_support:
+    if best.support >= SURE_SUPPORT:
         return True
     near = SAME_PLACE * best.camera.width
     again = [c for c in found if motion_px(c.camera, best.camera, best.seen) < near]
-    return len(again) > 1 and best.support >= options.confirmed_support
+    return len(again) > 1 and best.support >= CONFIRMED_SUPPORT
 
 
 def _fit(
