@@ -11,11 +11,12 @@ LAYERS = [
     {"errors", "arrays", "resources"},
     {"options"},
     {"camera", "mesh", "photo", "records"},
-    {"solve", "render", "formats", "repair", "files"},
+    {"solve", "render", "formats", "repair", "files", "log"},
     {"unwrap", "register", "color", "report", "demo", "settings"},
     {"intake", "project"},
     {"creation"},
     {"stages", "doctor"},
+    {"bundle"},
     {"preview"},
     {"cli", "__init__", "__main__"},
 ]
