@@ -7,13 +7,20 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, PositiveInt, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from texproj.camera import DISTORTION_LENGTHS, Intrinsics, Pose
-from texproj.errors import InputError
+from texproj.errors import InputError, shown
+from texproj.formats.camera_bounds import (
+    MOST_SIDE_PX,
+    checked_intrinsics,
+    checked_rotation,
+    checked_translation,
+)
+from texproj.formats.documents import read_json
 from texproj.records import CameraRecord, Method, Status
 
 FORMAT = "texproj-cameras"
@@ -22,6 +29,7 @@ ROTATION_TOLERANCE = 1e-4
 """Largest error of R @ R.T against the identity; six printed digits stay well below."""
 
 M = TypeVar("M", bound=BaseModel)
+Side = Annotated[int, Field(ge=1, le=MOST_SIDE_PX)]
 Row = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 Matrix = tuple[Row, Row, Row]
 
@@ -52,8 +60,8 @@ class _Entry(BaseModel):
     model_config = ConfigDict(extra="allow")
 
     file: str = Field(min_length=1)
-    width: PositiveInt
-    height: PositiveInt
+    width: Side
+    height: Side
     status: Status = "registered"
     K: Matrix | None = None
     dist: tuple[FiniteFloat, ...] = (0.0,) * 5
@@ -86,20 +94,22 @@ def read_cameras(path: Path) -> CameraFile:
 
     Raises InputError that names the entry and the key.
     """
-    content = _validated(_File, _json(path), f"{path}")
+    content = _validated(_File, read_json(path), f"{path}")
     if content.format != FORMAT or content.version != VERSION:
         raise InputError(
-            f"{path}: format {content.format!r} version {content.version};"
+            f"{path}: format {shown(content.format)!r} version {content.version};"
             f" this program reads {FORMAT!r} version {VERSION}"
         )
     records = [
-        record_of_entry(entry, f"{path}, photo {entry.get('file') or f'number {i}'}")
+        record_of_entry(entry, f"{path}, photo {shown(entry.get('file') or f'number {i}')}")
         for i, entry in enumerate(content.photos, 1)
     ]
-    names = [record.file for record in records]
-    for name in names:
-        if names.count(name) > 1:
+    seen: set[str] = set()
+    for record in records:
+        if record.file in seen:
+            name = shown(record.file)
             raise InputError(f"{path}: {name} appears twice; keep one entry per photo")
+        seen.add(record.file)
     return CameraFile(records, _kept(f"{path}", content.model_extra))
 
 
@@ -144,25 +154,12 @@ def entry_of_record(record: CameraRecord) -> dict[str, Any]:
     return json.loads(json.dumps(record.extra | entry, allow_nan=False, default=_plain))
 
 
-def _json(path: Path) -> Any:
-    try:
-        return json.loads(path.read_text("utf-8-sig"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    except json.JSONDecodeError as error:
-        raise InputError(f"{path}, line {error.lineno}: not JSON ({error.msg})") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: not a text file in UTF-8") from None
-    except (ValueError, RecursionError):
-        raise InputError(f"{path}: a number is too long, or it is nested too deeply") from None
-
-
 def _kept(where: str, unknown: Mapping[str, Any] | None) -> dict[str, Any]:
     """Keys that are kept as they are. Raises InputError for numbers that JSON cannot hold."""
     try:
         json.dumps(unknown, allow_nan=False)
     except ValueError:
-        told = ", ".join(unknown or {})
+        told = shown(", ".join(unknown or {}))
         raise InputError(f"{where}: NaN or an infinite number in {told}; take it out") from None
     return dict(unknown or {})
 
@@ -172,7 +169,7 @@ def _validated(model: type[M], value: Any, where: str) -> M:
         return model.model_validate(value)
     except ValidationError as error:
         first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
+        key = shown(".".join(str(part) for part in first["loc"]))
         raise InputError(f"{where}: {key or 'content'}: {first['msg'].lower()}") from None
 
 
@@ -189,16 +186,15 @@ def _intrinsics(where: str, entry: _Entry) -> Intrinsics | None:
             f"{where}: dist has {len(entry.dist)} coefficients;"
             f" one of {', '.join(map(str, DISTORTION_LENGTHS))} is needed"
         )
-    return Intrinsics.from_K(K, entry.width, entry.height, entry.dist)
+    focal, center = (K[0, 0], K[1, 1]), (K[0, 2], K[1, 2])
+    return checked_intrinsics(entry.width, entry.height, focal, center, entry.dist, where)
 
 
 def _pose(where: str, entry: _Entry) -> Pose | None:
     if entry.R is None or entry.t is None:
         return None
-    R = np.array(entry.R)
-    if np.abs(R @ R.T - np.eye(3)).max() > ROTATION_TOLERANCE or np.linalg.det(R) < 0:
-        raise InputError(f"{where}: R is not a rotation (orthonormal rows, determinant +1)")
-    return Pose(R, np.array(entry.t))
+    R = checked_rotation(np.array(entry.R), where, ROTATION_TOLERANCE)
+    return Pose(R, checked_translation(entry.t, where))
 
 
 def _plain(value: Any) -> Any:

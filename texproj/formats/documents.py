@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import codecs
 import json
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ _BYTE_ORDER_MARKS = (
     (codecs.BOM_UTF32_LE, "utf-32-le"), (codecs.BOM_UTF32_BE, "utf-32-be"),
     (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"),
 )  # fmt: skip
+_NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _HALF_PAIR = re.compile(r"\\u[dD][89a-fA-F]")
 
 
@@ -40,13 +42,19 @@ def read_bytes(path: Path, most: int = MOST_BYTES) -> bytes:
     return data
 
 
-def read_text(path: Path) -> str:
+def read_text(path: Path, most: int = MOST_BYTES) -> str:
     r"""The text of a file; lines end with ``\n`` however the file ends them.
 
     UTF-8, or UTF-16 and UTF-32 with a byte order mark; what is none of these is taken for
     Windows' western code page 1252, in which spreadsheets save. Raises InputError.
     """
-    return text_of(read_bytes(path), f"{path}").replace("\r\n", "\n").replace("\r", "\n")
+    text = text_of(read_bytes(path, most), f"{path}")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def read_lines(path: Path, most: int = MOST_BYTES) -> list[str]:
+    """The lines of a text file without their ends. Raises InputError; see `read_text`."""
+    return read_text(path, most).split("\n")
 
 
 def text_of(data: bytes, where: str, fallback: str | None = "cp1252") -> str:
@@ -63,6 +71,18 @@ def text_of(data: bytes, where: str, fallback: str | None = "cp1252") -> str:
         if text is not None and "\0" not in text:
             return text
     raise InputError(f"{where}: not a text file in UTF-8; save it as one")
+
+
+def finite_number(word: str) -> float | None:
+    """The number that a word of a text file means, None where it is none or not finite.
+
+    Stricter than Python, which takes 1_0, digits of every script, nan and infinity.
+    """
+    word = word.strip()
+    if not _NUMBER.fullmatch(word):
+        return None
+    number = float(word)
+    return number if math.isfinite(number) else None
 
 
 def read_json(path: Path) -> Any:
