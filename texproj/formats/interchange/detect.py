@@ -20,6 +20,8 @@ IN_FOLDER = {
 }  # fmt: skip
 OWN = "texproj"
 SIDECARS = "realityscan-xmp"
+SHOWN = 5
+"""How many models a sentence lists."""
 COLMAP_FOLDERS = ("", "sparse", "colmap/sparse")
 """Where a model is, or folders of models that are named by numbers."""
 
@@ -54,6 +56,20 @@ def _in_folder(path: Path, asked: str | None) -> tuple[str, Path]:
     raise InputError(
         f"no camera file that texproj knows in {path}; name the file itself, or for COLMAP the"
         f" folder that holds cameras.bin or cameras.txt"
+    )
+
+
+def other_models(asked: Path, found: Path) -> tuple[str, ...]:
+    """A sentence about COLMAP models beside the one that was found in folder `asked`."""
+    if asked == found or not asked.is_dir():
+        return ()
+    models = colmap_models(found.parent)
+    others = [f"{path.name} ({count} photos)" for path, count in models.items() if path != found]
+    if not others or found not in models:
+        return ()
+    return (
+        f"the largest model of {found.parent} was read, {found.name} ({models[found]} photos); each"
+        f" has a frame of its own, so these were not: {', '.join(others[:SHOWN])}",
     )
 
 

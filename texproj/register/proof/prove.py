@@ -8,8 +8,9 @@ that of the joint refinement.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -31,6 +32,11 @@ LEAST_EXACT, EXACT = 0.6, 0.85
 """Of all patches found, the share in place below which a camera that one photo confirms is wrong
 all the same, and from which on its lens is right too. Right cameras: .92 and more; a focal length
 off by two percent: .35 to .9."""
+
+IN_BAD_COMPANY = (
+    "it cannot be proved, and most cameras of this file that can be checked are wrong: is the file"
+    " for this mesh and these photos?"
+)
 
 Standing = Literal["proved", "unproved", "contradicted"]
 Pair = tuple[int, int]
@@ -58,6 +64,16 @@ class _Evidence:
 
     def of(self, k: int) -> list[PairAgreement]:
         return [a for pair, a in self.pairs.items() if k in pair and a.tells]
+
+    def partners(self, k: int) -> set[int]:
+        """The photos that photo k could be compared with."""
+        return {n for pair, a in self.pairs.items() if k in pair and a.tells for n in pair} - {k}
+
+    def blames_others(self, k: int, looks: Mapping[int, StructureLook]) -> bool:
+        """Whether the edges speak for photo k and against all with which it does not agree."""
+        others = [looks.get(n) for n in self.partners(k)]
+        wrong = all(other is not None and other.contradicts for other in others)
+        return wrong and not looks[k].contradicts
 
     def among_confirmed(self, k: int) -> np.ndarray:
         """Offsets of all patches that photo k shares with photos that are right by themselves."""
@@ -89,17 +105,32 @@ def prove(
     evidence = _Evidence(found, confirmed)
     glances = {k: glance(cameras[k], render) for k in judged}
     inside_out = _inside_out(glances)
-    proofs = {}
+    doubted = [k for k in judged if k not in confirmed]
+    looks = {k: look(load_photo(k, WORKING_PX), cameras[k], render, WORKING_PX) for k in doubted}
+    proofs: dict[int, Proof] = {}
     for k in judged:
         if glances[k].from_behind >= BEHIND and not inside_out:
             proofs[k] = _behind(glances[k])
         elif k in confirmed:
             proofs[k] = _confirmed(k, evidence, cameras[k])
         else:
-            photo = load_photo(k, WORKING_PX)
-            alone = look(photo, cameras[k], render, WORKING_PX)
-            proofs[k] = _unconfirmed(k, evidence, alone)
-    return proofs
+            proofs[k] = _unconfirmed(k, evidence, looks)
+    return _as_a_file(proofs)
+
+
+def _as_a_file(proofs: Mapping[int, Proof]) -> dict[int, Proof]:
+    """The verdicts, in view of each other: cameras of one file are made by one program in one
+    frame, so what cannot be proved by itself is as right as most of what can.
+    """
+    count = Counter(proof.standing for proof in proofs.values())
+    if count["contradicted"] <= count["proved"]:
+        return dict(proofs)
+    return {
+        k: replace(proof, standing="contradicted", reason=IN_BAD_COMPANY)
+        if proof.standing == "unproved"
+        else proof
+        for k, proof in proofs.items()
+    }
 
 
 def _pairs(cameras: Sequence[Camera], render: Render, judged: Collection[int]) -> list[Pair]:
@@ -140,9 +171,9 @@ def _confirmed(k: int, evidence: _Evidence, camera: Camera) -> Proof:
     return Proof("proved", "", exact >= EXACT, checked)
 
 
-def _unconfirmed(k: int, evidence: _Evidence, alone: StructureLook) -> Proof:
+def _unconfirmed(k: int, evidence: _Evidence, looks: Mapping[int, StructureLook]) -> Proof:
     """Of a camera that no other photo confirms."""
-    shared = evidence.of(k)
+    shared, alone = evidence.of(k), looks[k]
     checked = {
         "proof": "edges of the mesh",
         "edges": alone.patches,
@@ -151,7 +182,8 @@ def _unconfirmed(k: int, evidence: _Evidence, alone: StructureLook) -> Proof:
     }
     if alone.agrees:
         return Proof("proved", "", False, checked)
-    if shared and all(a.contradicts for a in shared):
+    apart = bool(shared) and all(a.contradicts for a in shared)
+    if apart and not evidence.blames_others(k, looks):
         reason = (
             "no other photo shows the same surface where this camera sees it"
             f" (at best {checked['patches_in_place']:.0%} of the patches agree)"
@@ -168,5 +200,5 @@ def _unconfirmed(k: int, evidence: _Evidence, alone: StructureLook) -> Proof:
 
 def _untold(shared: Sequence[PairAgreement]) -> str:
     if shared:
-        return "unproved: other photos agree with it only in part"
+        return "unproved: the photos that show the same agree with it only in part, or are wrong"
     return "unproved: no other photo shows enough of the same, and the mesh's edges do not tell"
