@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -29,6 +29,7 @@ from texproj.stages.freshness import (
     file_inputs,
     options_inputs,
 )
+from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
 from texproj.stages.writing import output_plan, write_texture, write_vertices
 
@@ -42,14 +43,37 @@ SECTIONS = ("color", "unwrap", "patches", "output", "render")
 class ColorOutcome:
     """What was written, from which photos, and which could not be used and why.
 
-    kept: nothing had changed since the last run, so nothing was done.
+    folder: where the files are; kept: nothing had changed since the last run, so nothing was done.
     """
 
+    folder: Path
     files: tuple[str, ...]
     used: tuple[str, ...]
     failed: dict[str, str]
     quality: dict[str, Any]
     kept: bool
+
+    @property
+    def tally(self) -> Tally:
+        return Tally(len(self.failed), len(self.failed) + len(self.used), "used")
+
+    def lines(self) -> Iterator[str]:
+        """For people."""
+        state = "fresh, kept" if self.kept else "wrote"
+        yield f"{state}: {', '.join(str(self.folder / name) for name in self.files)}"
+        chart = self.quality.get("checker")
+        if chart:
+            before, after = (chart["ciede2000"][when]["median"] for when in ("before", "after"))
+            yield (
+                f"color chart {chart['file']}: CIEDE2000 of its patches"
+                f" {before:.1f} -> {after:.1f}; exposure: {chart['exposure']}"
+            )
+        for name, reason in self.failed.items():
+            yield f"{name}: FAILED: {reason}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """For --json."""
+        return {**vars(self), "folder": str(self.folder)}
 
 
 def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome:
@@ -61,7 +85,7 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
     project = bench.project
     before = project.load_record(STAGE)
     if before is not None and color_freshness(project).fresh:
-        return _outcome(before, kept=True)
+        return _outcome(project, before, kept=True)
     inputs = _inputs(project)
     cameras, failed = usable_cameras(project)
     colors, write = _made(bench, photo_set(project, cameras), progress)
@@ -80,7 +104,7 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
     }
     project.save_record(STAGE, None, record)
     project.save_hashes()
-    return _outcome(record, kept=False)
+    return _outcome(project, record, kept=False)
 
 
 def _remove_leftovers(project: Project, before: Any, files: tuple[str, ...]) -> None:
@@ -193,6 +217,6 @@ def _photo_inputs(project: Project, name: str, record: CameraRecord) -> Inputs:
     return {**file_inputs(project, **files), f"camera of {name}": json_hash(camera)}
 
 
-def _outcome(record: dict[str, Any], kept: bool) -> ColorOutcome:
-    files = tuple(record["outputs"])
-    return ColorOutcome(files, tuple(record["used"]), record["failed"], record["quality"], kept)
+def _outcome(project: Project, record: dict[str, Any], kept: bool) -> ColorOutcome:
+    files, used = tuple(record["outputs"]), tuple(record["used"])
+    return ColorOutcome(project.out, files, used, record["failed"], record["quality"], kept)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -27,6 +27,7 @@ from texproj.stages.entries import (
     start_of,
 )
 from texproj.stages.freshness import Freshness, Inputs, changed_inputs, file_inputs, options_inputs
+from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
 
 STAGE = "refine"
@@ -51,6 +52,26 @@ class RefineOutcome:
     alone: tuple[str, ...]
     quality: dict[str, Any]
     kept: bool
+
+    @property
+    def tally(self) -> Tally:
+        failed = len(self.thrown_out)
+        return Tally(failed, len(self.moved_px) + failed, "refined")
+
+    def lines(self) -> Iterator[str]:
+        """For people."""
+        if self.kept:
+            yield "fresh, kept: nothing has changed since these cameras were refined"
+        for name, moved in self.moved_px.items() if not self.kept else ():
+            yield f"{name}: moved by {moved:.2f} px"
+        for name in self.alone:
+            yield f"{name}: stays as it is: no other photo shows enough of the same surface"
+        for name, reason in self.thrown_out.items():
+            yield f"{name}: FAILED: {reason}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """For --json."""
+        return {**vars(self)}
 
 
 def refine_project(

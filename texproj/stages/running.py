@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 from texproj.errors import InputError
 from texproj.project import Project
@@ -10,7 +12,7 @@ from texproj.records import CameraRecord
 from texproj.stages.bench import Workbench
 from texproj.stages.coloring import ColorOutcome, color_freshness, color_project
 from texproj.stages.freshness import Freshness
-from texproj.stages.outcomes import PhotoOutcome
+from texproj.stages.outcomes import PhotoOutcome, Tally
 from texproj.stages.progress import Progress, silent
 from texproj.stages.refining import (
     RefineOutcome,
@@ -48,6 +50,53 @@ class RunOutcome:
         thrown_out = self.refined.thrown_out if self.refined else {}
         return {**unregistered, **thrown_out, **(self.color.failed if self.color else {})}
 
+    @property
+    def tally(self) -> Tally:
+        unusable = self.reason if self.color is None else ""
+        return Tally(len(self.failed), len(self.photos), "used", unusable)
+
+    def lines(self) -> Iterator[str]:
+        """For people."""
+        for photo in self.photos:
+            yield from photo.lines()
+        if self.unrefined:
+            names = ", ".join(self.unrefined)
+            yield f"refinement is switched off: back to their own registration: {names}"
+        if self.color is not None:
+            yield from self.color.lines()
+        yield f"report: {self.report.files[0]}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """For --json."""
+        return {
+            "photos": [photo.as_dict() for photo in self.photos],
+            "refine": self.refined and self.refined.as_dict(),
+            "color": self.color and self.color.as_dict(),
+            "report": self.report.as_dict()["files"],
+            "reason": self.reason,
+            "unrefined": self.unrefined,
+        }
+
+
+@dataclass(frozen=True)
+class StatusOutcome:
+    """Each item of each stage."""
+
+    items: list[Freshness]
+
+    @property
+    def tally(self) -> Tally:
+        return Tally(0, len(self.items), "looked at")
+
+    def lines(self) -> Iterator[str]:
+        """For people."""
+        for item in self.items:
+            yield from item.lines()
+
+    def as_dict(self) -> dict[str, Any]:
+        """For --json."""
+        return {"items": [item.as_dict() for item in self.items]}
+
 
 def run_project(bench: Workbench, progress: Progress = silent) -> RunOutcome:
     """Register, refine, color and report what is stale. Raises InputError, OutputError."""
@@ -80,7 +129,9 @@ def _with_record(outcome: PhotoOutcome, record: CameraRecord) -> PhotoOutcome:
 
 
 def project_status(project: Project) -> list[Freshness]:
-    """Each item of each stage: fresh, or stale and why. Raises InputError."""
+    """Each item of each stage: fresh, failed with nothing changed since, or stale and why. Raises
+    InputError.
+    """
     refined = [refine_freshness(project, True)] if _worth_refining(project) else []
     if unrefined(project):
         refined = [Freshness("refine", "all photos", False, SWITCHED_OFF)]
