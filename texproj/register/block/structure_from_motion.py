@@ -1,0 +1,160 @@
+"""Structure from motion of photos alone, by COLMAP in a process of its own."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from texproj.camera import Camera, Intrinsics, Pose
+from texproj.colmap.messages import Lens, Model, Picture, Result, Task
+from texproj.colmap.run import Listen, available, run_colmap
+from texproj.errors import InputError, RegistrationError
+from texproj.photo import Photo, PhotoInfo
+from texproj.register.block.graph import PhotoGraph
+from texproj.register.block.reconstruction import Reconstruction
+
+LONGEST_PX = 1600
+"""Longer side of the photos that are compared."""
+LoadPhoto = Callable[[str], Photo]
+
+
+@dataclass(frozen=True)
+class BlockPhoto:
+    """A photo of a block. key: another one for other content of photo or mask, a word of letters
+    and digits; lens: the same for photos of one lens; intrinsics: its calibration, full size.
+    """
+
+    info: PhotoInfo
+    key: str
+    lens: str
+    intrinsics: Intrinsics | None = None
+
+    @property
+    def name(self) -> str:
+        return self.info.name
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """parts: photos that hang together, the largest part first; graph: who shows the same as whom;
+    broken: photos that could not be read, and why; apart: photos that no part holds.
+    """
+
+    parts: tuple[Reconstruction, ...]
+    graph: PhotoGraph
+    broken: dict[str, str]
+    apart: tuple[str, ...]
+
+
+def structure_from_motion(
+    photos: Sequence[BlockPhoto], load: LoadPhoto, database: str, scratch: str, listen: Listen
+) -> Motion:
+    """The photos' places relative to each other.
+
+    load: a photo by name, at most `LONGEST_PX` wide and high; a photo for which it raises
+    InputError is left out. database: path of a file that keeps what was found of each photo and
+    pair; scratch: path of an empty folder. Raises RegistrationError where the machine or COLMAP
+    cannot do it. The same photos give the same result.
+    """
+    if not available():
+        raise RegistrationError(
+            "placing photos without a start needs COLMAP: pip install pycolmap (there are packages "
+            "for Linux and Windows on x86-64, and for macOS on arm64; elsewhere pick 4 points)"
+        )
+    names = {photo.key: photo.name for photo in photos}
+    task = _task(photos, database, scratch)
+    broken: dict[str, str] = {}
+
+    def pictures(keys: Sequence[str]) -> Iterator[Picture]:
+        for key in keys:
+            try:
+                yield _picture(key, load(names[key]))
+            except InputError as error:
+                broken[names[key]] = str(error)
+
+    result = run_colmap(task, pictures, listen)
+    parts = tuple(_reconstruction(model, photos, task) for model in result.models)
+    placed = {name for part in parts for name in part.names}
+    apart = tuple(p.name for p in photos if p.name not in placed and p.name not in broken)
+    return Motion(parts, _graph(result, photos), broken, apart)
+
+
+def _task(photos: Sequence[BlockPhoto], database: str, scratch: str) -> Task:
+    lenses: dict[str, Lens] = {}
+    for photo in photos:
+        lenses.setdefault(photo.lens, _lens(photo))
+    numbers = {lens: k for k, lens in enumerate(lenses)}
+    return Task(
+        database, scratch, tuple(photo.key for photo in photos), tuple(lenses.values()),
+        tuple(numbers[photo.lens] for photo in photos), os.cpu_count() or 1,
+    )  # fmt: skip
+
+
+def _lens(photo: BlockPhoto) -> Lens:
+    width, height = reduced_size(photo.info)
+    if photo.intrinsics is not None:
+        return Lens(width, height, intrinsics=photo.intrinsics.resized(width, height))
+    focal = photo.info.focal_px
+    return Lens(width, height, focal and focal * width / photo.info.width)
+
+
+def reduced_size(info: PhotoInfo) -> tuple[int, int]:
+    """Width and height at which a photo is compared, as it is decoded."""
+    factor = min(1.0, LONGEST_PX / max(info.width, info.height))
+    return max(1, round(info.width * factor)), max(1, round(info.height * factor))
+
+
+def _picture(key: str, photo: Photo) -> Picture:
+    gray = np.rint(photo.gray().clip(0, 1) * 255).astype(np.uint8)
+    return Picture(key, np.ascontiguousarray(gray), photo.mask)
+
+
+def _reconstruction(model: Model, photos: Sequence[BlockPhoto], task: Task) -> Reconstruction:
+    placed = [photos[k] for k in model.photos]
+    cameras = tuple(
+        Camera(_intrinsics(photo, params), Pose(R, t))
+        for photo, params, R, t in zip(placed, model.lens_params, model.R, model.t, strict=True)
+    )
+    order = np.argsort(model.track, kind="stable")
+    ends = np.cumsum(np.bincount(model.track, minlength=len(model.points)))[:-1]
+    scale = np.array([photo.info.width / reduced_size(photo.info)[0] for photo in placed])
+    full = (model.xy_px * scale[model.seer][:, None]).astype(np.float32)
+    return Reconstruction(
+        names=tuple(photo.name for photo in placed),
+        cameras=cameras,
+        points=model.points,
+        error_px=model.error_px,
+        angle_rad=_largest_angles(model, np.array([camera.center for camera in cameras])),
+        seen_by=tuple(np.split(model.seer[order], ends)),
+        seen_at=tuple(np.split(full[order], ends)),
+    )
+
+
+def _intrinsics(photo: BlockPhoto, params: tuple[float, float, float, float] | None) -> Intrinsics:
+    if params is None:
+        assert photo.intrinsics is not None
+        return photo.intrinsics
+    focal, cx, cy, k1 = params
+    width, height = reduced_size(photo.info)
+    small = Intrinsics(width, height, focal, focal, cx, cy, (k1, 0.0, 0.0, 0.0, 0.0))
+    return small.resized(photo.info.width, photo.info.height)
+
+
+def _largest_angles(model: Model, centers: Any) -> Any:
+    """(n,) largest angle between two rays of each point, rad."""
+    ray = centers[model.seer] - model.points[model.track]
+    ray /= np.maximum(np.linalg.norm(ray, axis=1, keepdims=True), 1e-300)
+    order = np.argsort(model.track, kind="stable")
+    ends = np.cumsum(np.bincount(model.track, minlength=len(model.points)))[:-1]
+    smallest = [float((rays @ rays.T).min()) for rays in np.split(ray[order], ends)]
+    return np.arccos(np.clip(smallest, -1, 1))
+
+
+def _graph(result: Result, photos: Sequence[BlockPhoto]) -> PhotoGraph:
+    names = [photo.name for photo in photos]
+    pairs = (tuple(sorted((names[i], names[j]))) for i, j in result.pairs)
+    return PhotoGraph({(a, b): int(n) for (a, b), n in zip(pairs, result.matches, strict=True)})
