@@ -120,17 +120,19 @@ def _reconstruction(model: Model, photos: Sequence[BlockPhoto], task: Task) -> R
         for photo, params, R, t in zip(placed, model.lens_params, model.R, model.t, strict=True)
     )
     order = np.argsort(model.track, kind="stable")
-    ends = np.cumsum(np.bincount(model.track, minlength=len(model.points)))[:-1]
+    sightings = np.bincount(model.track, minlength=len(model.points))
     scale = np.array([photo.info.width / reduced_size(photo.info)[0] for photo in placed])
     full = (model.xy_px * scale[model.seer][:, None]).astype(np.float32)
     return Reconstruction(
         names=tuple(photo.name for photo in placed),
         cameras=cameras,
+        lenses=tuple(photo.lens for photo in placed),
         points=model.points,
         error_px=model.error_px,
         angle_rad=_largest_angles(model, np.array([camera.center for camera in cameras])),
-        seen_by=tuple(np.split(model.seer[order], ends)),
-        seen_at=tuple(np.split(full[order], ends)),
+        track_starts=np.concatenate([[0], np.cumsum(sightings)]),
+        observer=model.seer[order],
+        xy_px=full[order],
     )
 
 
