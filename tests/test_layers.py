@@ -11,7 +11,7 @@ LAYERS = [
     {"errors", "arrays", "resources"},
     {"options"},
     {"camera", "mesh", "photo", "records"},
-    {"solve", "render", "formats", "repair", "files", "log"},
+    {"solve", "colmap", "render", "formats", "repair", "files", "log"},
     {"unwrap", "register", "color", "report", "demo", "settings"},
     {"intake", "project"},
     {"creation"},

@@ -37,7 +37,7 @@ class FeatureStore:
     def __init__(self, task: Task) -> None:
         self._task = task
         self._local = threading.local()
-        self._db = pycolmap.Database.open(task.database)
+        self._db = _opened(Path(task.database))
         self._ids = self._entered()
 
     def __enter__(self) -> FeatureStore:
@@ -166,6 +166,16 @@ class FeatureStore:
         kept = [(row[a], row[b], n) for (a, b), n in found if n and (a, b) in wanted]
         table = np.array(kept, np.int64).reshape(-1, 3)
         return table[:, :2], table[:, 2]
+
+
+def _opened(path: Path) -> Any:
+    """The database. One that cannot be read is begun anew: nothing in it cannot be found again."""
+    try:
+        return pycolmap.Database.open(path)
+    except RuntimeError:
+        for file in path.parent.glob(f"{path.name}*"):  # with what SQLite keeps beside it
+            file.unlink()
+        return pycolmap.Database.open(path)
 
 
 def _facts(camera: Any) -> tuple[Any, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pickle
 import struct
 from dataclasses import dataclass
-from typing import Any, BinaryIO
+from typing import IO, Any
 
 from texproj.arrays import Bytes, Doubles, Floats, Index, Ints
 from texproj.camera import Intrinsics
@@ -46,6 +46,11 @@ class Picture:
     key: str
     gray: Bytes
     mask: Bytes | None
+
+
+@dataclass(frozen=True)
+class Complete:
+    """There are no more pictures."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +105,7 @@ class Failed:
     sentence: str
 
 
-def send(stream: BinaryIO, message: Any) -> None:
+def send(stream: IO[bytes], message: Any) -> None:
     """Write a message and what tells its length."""
     data = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL)
     stream.write(struct.pack("<Q", len(data)))
@@ -108,7 +113,7 @@ def send(stream: BinaryIO, message: Any) -> None:
     stream.flush()
 
 
-def receive(stream: BinaryIO) -> Any:
+def receive(stream: IO[bytes]) -> Any:
     """The next message; None where the stream ends."""
     head = stream.read(8)
     if len(head) < 8:

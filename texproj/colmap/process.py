@@ -6,12 +6,14 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 import traceback
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, BinaryIO
+from queue import Queue
+from typing import IO, Any
 
 import numpy as np
 
@@ -28,8 +30,10 @@ from texproj.colmap.messages import (
     send,
 )
 
-BATCH = 48
-"""Pairs that are matched between two reports."""
+BATCH = 12
+"""Pairs that are matched between two reports; what is lost when the work is stopped."""
+WAITING = 2
+"""Pictures that may wait; the others stay where they come from."""
 
 
 def main() -> None:
@@ -37,20 +41,33 @@ def main() -> None:
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # whatever COLMAP prints goes where errors go
     try:
-        _serve(sys.stdin.buffer, out)
+        _serve(_inbox(sys.stdin.buffer), out)
     except MemoryError:
         send(out, Failed("not enough memory to compare the photos; close other programs"))
     except Exception as error:  # noqa: BLE001 - the parent is told, whatever it is
         traceback.print_exc()
-        send(out, Failed(f"{type(error).__name__}: {error}"))
+        send(out, Failed(f"the photos could not be compared ({type(error).__name__}: {error})"))
 
 
-def _serve(inwards: BinaryIO, out: BinaryIO) -> None:
-    task: Task = receive(inwards)
+def _inbox(stream: IO[bytes]) -> Queue[Any]:
+    """What comes in. When it ends nobody waits for the result any more, and neither does this."""
+    inbox: Queue[Any] = Queue(WAITING)
+
+    def hear() -> None:
+        while (message := receive(stream)) is not None:
+            inbox.put(message)
+        os._exit(1)
+
+    threading.Thread(target=hear, daemon=True).start()
+    return inbox
+
+
+def _serve(inbox: Queue[Any], out: IO[bytes]) -> None:
+    task: Task = inbox.get()
     with FeatureStore(task) as store:
         lacking = tuple(key for key in task.keys if not store.has_features(key))
         send(out, Wanted(lacking))
-        _extract(store, _pictures(inwards), len(lacking), task.threads, out)
+        _extract(store, _pictures(inbox), len(lacking), task.threads, out)
         pairs = store.chosen_pairs()
         calibrated = store.calibrated_cameras()
         fresh = [pair for pair in pairs if not store.was_matched(*pair)]
@@ -61,18 +78,19 @@ def _serve(inwards: BinaryIO, out: BinaryIO) -> None:
     def told(placed: int) -> None:
         send(out, Told("placing", placed, len(task.keys)))
 
+    told(0)
     models = mapped(task, calibrated, told)
     with FeatureStore(task) as store:
         send(out, Result(models, *store.verified(pairs)))
 
 
-def _pictures(inwards: BinaryIO) -> Iterator[Picture]:
-    while isinstance(message := receive(inwards), Picture):
+def _pictures(inbox: Queue[Any]) -> Iterator[Picture]:
+    while isinstance(message := inbox.get(), Picture):
         yield message
 
 
 def _extract(
-    store: FeatureStore, pictures: Iterator[Picture], count: int, threads: int, out: BinaryIO
+    store: FeatureStore, pictures: Iterator[Picture], count: int, threads: int, out: IO[bytes]
 ) -> None:
     """Find and keep the features of pictures as they come."""
     coming: deque[tuple[str, Future[Any]]] = deque()

@@ -19,6 +19,11 @@ from texproj.register.block.reconstruction import Reconstruction
 
 LONGEST_PX = 1600
 """Longer side of the photos that are compared."""
+FEATURES_VERSION = 1
+"""Another one for features that are found otherwise: older ones are not mixed with them."""
+SOLVED_DISTORTION = 8
+"""Coefficients of distortion that COLMAP's models have; a lens with more is solved anew."""
+
 LoadPhoto = Callable[[str], Photo]
 
 
@@ -40,14 +45,13 @@ class BlockPhoto:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """parts: photos that hang together, the largest part first; graph: who shows the same as whom;
-    broken: photos that could not be read, and why; apart: photos that no part holds.
+    """parts: photos that hang together, the part with most photos first; graph: who shows the same
+    as whom; left_out: photos that no part holds, and why, one sentence each.
     """
 
     parts: tuple[Reconstruction, ...]
     graph: PhotoGraph
-    broken: dict[str, str]
-    apart: tuple[str, ...]
+    left_out: dict[str, str]
 
 
 def structure_from_motion(
@@ -65,40 +69,66 @@ def structure_from_motion(
             "placing photos without a start needs COLMAP: pip install pycolmap (there are packages "
             "for Linux and Windows on x86-64, and for macOS on arm64; elsewhere pick 4 points)"
         )
-    names = {photo.key: photo.name for photo in photos}
+    first: dict[str, str] = {}
+    for photo in photos:
+        first.setdefault(photo.key, photo.name)
+    left_out = {
+        photo.name: f"it is the same as {first[photo.key]}"
+        for photo in photos
+        if first[photo.key] != photo.name
+    }
+    photos = [photo for photo in photos if photo.name not in left_out]
     task = _task(photos, database, scratch)
-    broken: dict[str, str] = {}
+    names = {key: photo.name for key, photo in zip(task.keys, photos, strict=True)}
 
     def pictures(keys: Sequence[str]) -> Iterator[Picture]:
         for key in keys:
             try:
                 yield _picture(key, load(names[key]))
             except InputError as error:
-                broken[names[key]] = str(error)
+                left_out[names[key]] = str(error)
 
     result = run_colmap(task, pictures, listen)
     parts = tuple(_reconstruction(model, photos, task) for model in result.models)
+    graph = _graph(result, photos)
     placed = {name for part in parts for name in part.names}
-    apart = tuple(p.name for p in photos if p.name not in placed and p.name not in broken)
-    return Motion(parts, _graph(result, photos), broken, apart)
+    alone = [name for name in names.values() if name not in placed and name not in left_out]
+    return Motion(parts, graph, left_out | {name: _why_alone(name, graph) for name in alone})
+
+
+def _why_alone(name: str, graph: PhotoGraph) -> str:
+    near = graph.neighbors(name)
+    if not near:
+        return "it shows nothing that another photo shows too"
+    return (
+        f"it shares only {graph.count(name, near[0])} points with {near[0]} and fewer with the "
+        "others, too few or too much in one plane to tell where it was taken"
+    )
 
 
 def _task(photos: Sequence[BlockPhoto], database: str, scratch: str) -> Task:
-    lenses: dict[str, Lens] = {}
-    for photo in photos:
-        lenses.setdefault(photo.lens, _lens(photo))
+    """Photos of one lens that were taken upright and across are two lenses to COLMAP."""
+    lenses: dict[tuple[str, int, int], Lens] = {}
+    own = [(photo.lens, *reduced_size(photo.info)) for photo in photos]
+    for lens, photo in zip(own, photos, strict=True):
+        lenses.setdefault(lens, _lens(photo))
     numbers = {lens: k for k, lens in enumerate(lenses)}
     return Task(
-        database, scratch, tuple(photo.key for photo in photos), tuple(lenses.values()),
-        tuple(numbers[photo.lens] for photo in photos), os.cpu_count() or 1,
-    )  # fmt: skip
+        database=database,
+        scratch=scratch,
+        keys=tuple(f"{FEATURES_VERSION}-{photo.key}" for photo in photos),
+        lenses=tuple(lenses.values()),
+        lens_of=tuple(numbers[lens] for lens in own),
+        threads=os.cpu_count() or 1,
+    )
 
 
 def _lens(photo: BlockPhoto) -> Lens:
     width, height = reduced_size(photo.info)
-    if photo.intrinsics is not None:
-        return Lens(width, height, intrinsics=photo.intrinsics.resized(width, height))
-    focal = photo.info.focal_px
+    calibrated = photo.intrinsics
+    if calibrated is not None and not any(calibrated.dist[SOLVED_DISTORTION:]):
+        return Lens(width, height, intrinsics=calibrated.resized(width, height))
+    focal = photo.info.focal_px if calibrated is None else calibrated.fx
     return Lens(width, height, focal and focal * width / photo.info.width)
 
 
@@ -121,8 +151,9 @@ def _reconstruction(model: Model, photos: Sequence[BlockPhoto], task: Task) -> R
     )
     order = np.argsort(model.track, kind="stable")
     sightings = np.bincount(model.track, minlength=len(model.points))
-    scale = np.array([photo.info.width / reduced_size(photo.info)[0] for photo in placed])
-    full = (model.xy_px * scale[model.seer][:, None]).astype(np.float32)
+    size = np.array([(photo.info.width, photo.info.height) for photo in placed])
+    scale = size / [reduced_size(photo.info) for photo in placed]
+    full = (model.xy_px * scale[model.seer]).astype(np.float32)
     return Reconstruction(
         names=tuple(photo.name for photo in placed),
         cameras=cameras,
