@@ -48,10 +48,11 @@ class Loss:
     """A robust loss rho of the squared length s of a whitened residual row, rho'(0) = 1.
 
     huber: quadratic up to `scale`, then linear (Huber 1964); cauchy: scale^2 log(1 + s/scale^2);
-    truncated: quadratic up to `scale`, then constant.
+    truncated: quadratic up to `scale`, then constant; geman-mcclure: s / (1 + s/scale^2), smooth,
+    and constant in the end (Geman and McClure 1987).
     """
 
-    kind: Literal["l2", "huber", "cauchy", "truncated"] = "l2"
+    kind: Literal["l2", "huber", "cauchy", "truncated", "geman-mcclure"] = "l2"
     scale: float = 1.0
 
     def cost(self, s: Array) -> Array:
@@ -61,6 +62,8 @@ class Loss:
             return np.where(s <= c2, s, 2 * self.scale * np.sqrt(s) - c2)
         if self.kind == "cauchy":
             return c2 * np.log1p(s / c2)
+        if self.kind == "geman-mcclure":
+            return s / (1 + s / c2)
         return np.minimum(s, c2) if self.kind == "truncated" else s
 
     def weight(self, s: Array) -> Array:
@@ -70,6 +73,8 @@ class Loss:
             return self.scale / np.sqrt(np.maximum(s, c2))
         if self.kind == "cauchy":
             return 1 / (1 + s / c2)
+        if self.kind == "geman-mcclure":
+            return 1 / (1 + s / c2) ** 2
         return (s <= c2).astype(float) if self.kind == "truncated" else np.ones_like(s)
 
     def curvature(self, s: Array) -> Array:
@@ -80,6 +85,8 @@ class Loss:
         if self.kind == "cauchy":
             weight = self.weight(s)
             return -weight * (1 - weight)
+        if self.kind == "geman-mcclure":
+            return -2 * s / c2 / (1 + s / c2) ** 3
         return np.zeros_like(s)
 
 
