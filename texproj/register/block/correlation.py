@@ -89,7 +89,7 @@ def correlated(
         np.repeat(turns, SHIFTS_EACH, axis=0),
         np.repeat(sizes, SHIFTS_EACH),
         np.concatenate(shifts).reshape(-1, 3),
-        np.concatenate(scores).ravel(),
+        np.concatenate(scores).ravel().astype(np.float64),
     )
 
 

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from texproj.register.block.placed_block import Matched, PatchFit, PlacedBlock
 from texproj.register.block.propose import Place
 from texproj.register.block.witnesses import Witness
-from texproj.register.structure_solve import CHECK, NEAR, WIDE, found_share
+from texproj.register.structure_solve import CHECK, NEAR, WIDE, explained_share, found_share
 from texproj.register.structure_start import motion_px
-from texproj.register.structure_view import PatchRule, Render, StructureView
+from texproj.register.structure_view import PatchRule, StructureView
 from texproj.solve.lm import LmFit, LmOptions, Loss, minimize
 
 Doubles = NDArray[np.float64]
@@ -31,6 +31,8 @@ ROUNDS: tuple[tuple[PatchRule, tuple[float, ...]], ...] = (
 STEPS = LmOptions(max_iterations=20, cost_tolerance=1e-4)
 LEAST_MATCHES = 60
 """Matches in all photos together below which nothing is concluded."""
+HOPELESS = 0.0
+"""Share of patches that agree on a move of the block below which it is not followed further."""
 SURE_SUPPORT = 0.45
 """Share of patches in place from which on no further scales are tried."""
 SAME_PLACE = 0.02
@@ -62,6 +64,8 @@ def judged(witnesses: Sequence[Witness], place: Place) -> Judged:
         if fit.matches < LEAST_MATCHES:
             return Judged(place, placed, 0.0, (0.0,) * len(views), ())
         placed = tightened(fit, placed, scales).x
+        if explained(fit, placed) < HOPELESS:
+            return Judged(place, placed, 0.0, (0.0,) * len(views), ())
     checks = [
         view.observe(placed.camera(w.in_block), CHECK)
         for w, view in zip(witnesses, views, strict=True)
@@ -87,14 +91,17 @@ def matched_fit(
     return PatchFit(photos, place.pivot, place.unit)
 
 
-def tightened(
-    fit: PatchFit, placed: PlacedBlock, scales: Sequence[float]
-) -> LmFit[PlacedBlock]:
+def tightened(fit: PatchFit, placed: PlacedBlock, scales: Sequence[float]) -> LmFit[PlacedBlock]:
     """The fit under a loss that narrows through `scales`, pixels."""
     for scale in scales:
         found = minimize(fit, placed, Loss("geman-mcclure", scale), STEPS)
         placed = found.x
     return found
+
+
+def explained(fit: PatchFit, placed: PlacedBlock) -> float:
+    """Mean share, over photos, of the patches sought of which a match is where `placed` says."""
+    return float(np.mean([explained_share(p.seen, p.camera(placed)) for p in fit.photos]))
 
 
 def same_place(witnesses: Sequence[Witness], a: Judged, b: Judged) -> bool:
@@ -105,5 +112,3 @@ def same_place(witnesses: Sequence[Witness], a: Judged, b: Judged) -> bool:
         if len(xyz)
     ]
     return bool(gaps) and float(np.median(gaps)) < SAME_PLACE
-
-

@@ -36,8 +36,8 @@ class Hypotheses:
 
     def apply(self, xyz: NDArray[np.floating]) -> NDArray[np.float32]:
         """(h, n, 3) where each puts (n, 3) points of the block."""
-        turns = (self.scale[:, None, None] * self.R).astype(np.float32)
-        return xyz.astype(np.float32) @ turns.transpose(0, 2, 1) + self.t[:, None].astype(np.float32)
+        turns = (self.scale[:, None, None] * self.R).transpose(0, 2, 1).astype(np.float32)
+        return xyz.astype(np.float32) @ turns + self.t[:, None].astype(np.float32)
 
     def best(self, count: int) -> Hypotheses:
         """The `count` best, best first."""

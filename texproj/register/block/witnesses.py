@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from texproj.camera import Camera, Pose
 from texproj.errors import InputError
@@ -40,8 +40,8 @@ class Witness:
     def mirrored(self) -> Witness:
         """The photo with left and right exchanged, in the block mirrored at x = 0."""
         photo = self.photo
-        mask = None if photo.mask is None else np.ascontiguousarray(photo.mask[:, ::-1])
-        flipped = replace(photo, pixels=np.ascontiguousarray(photo.pixels[:, ::-1]), mask=mask)
+        mask = None if photo.mask is None else cv2.flip(photo.mask, 1)
+        flipped = replace(photo, pixels=cv2.flip(photo.pixels, 1), mask=mask)
         pose = self.in_block.pose
         camera = Camera(
             mirrored_intrinsics(self.in_block.intrinsics),
