@@ -31,9 +31,9 @@ from texproj.errors import RegistrationError
 from texproj.mesh import vertex_normals
 from texproj.photo import Photo
 from texproj.records import Fit
-from texproj.register.from_mask import register_from_outline
-from texproj.register.mutual_information import register_mutual_information
-from texproj.register.structure_view import Render
+from texproj.register.information.register import register_mutual_information
+from texproj.register.outline.chain import register_from_outline
+from texproj.register.structure.view import Render
 from texproj.render import ambient_occlusion, open_renderer
 
 WRONG_PERCENT = 0.5

@@ -22,7 +22,7 @@ from texproj.formats.cameras import read_cameras
 from texproj.formats.correspondences import read_correspondences
 from texproj.options import PointsOptions
 from texproj.photo import PhotoInfo
-from texproj.register.points import register_points
+from texproj.register.picks.register import register_points
 
 CHECKOUT = Path(__file__).resolve().parent.parent
 SCENES = ("fountain-P11", "sceaux-castle")

@@ -19,8 +19,8 @@ from bench_registration import disturbed, load, mirrored, photo
 
 from texproj.camera import Camera
 from texproj.photo import Photo
-from texproj.register.refine import Refined, refine
-from texproj.register.structure import register_structure
+from texproj.register.joint.refine import Refined, refine
+from texproj.register.structure.register import register_structure
 
 
 def main() -> None:

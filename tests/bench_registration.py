@@ -33,8 +33,8 @@ from texproj.formats.photos.read import read_photo
 from texproj.mesh import Mesh, vertex_normals
 from texproj.photo import Photo
 from texproj.records import Fit
-from texproj.register.structure import register_structure
-from texproj.register.structure_view import Render
+from texproj.register.structure.register import register_structure
+from texproj.register.structure.view import Render
 from texproj.render import ambient_occlusion, open_renderer
 from texproj.repair import repair
 

@@ -16,10 +16,10 @@ import cv2
 import numpy as np
 import trimesh
 
-from texproj.color.distortion import flat_areas, stretch, weighted_quantiles
-from texproj.color.unwrap import unwrap
 from texproj.mesh import Mesh, face_areas
 from texproj.options import UnwrapOptions
+from texproj.unwrap.stretch import flat_areas, stretch, weighted_quantiles
+from texproj.unwrap.unwrap import unwrap
 
 
 def noisy_wall(side=320, sigma=0.5):

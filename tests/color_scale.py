@@ -19,9 +19,10 @@ import cv2
 import numpy as np
 from color_runs import Run, color, make_project, timed
 
+from texproj.color.sampling.prepare import DEPTH_SCALE
 from texproj.formats.meshes import read_mesh
 from texproj.formats.models.ply import write_ply
-from texproj.options import ColorOptions, RenderOptions
+from texproj.options import RenderOptions
 from texproj.project import Project
 from texproj.render import open_renderer, pinhole_cover
 from texproj.repair import repair
@@ -71,10 +72,9 @@ def _decode(project: Project) -> None:
 def _render(project: Project) -> None:
     """Depth of each camera; reading and uploading the mesh counts too."""
     mesh = repair(*read_mesh(project.mesh_path)).mesh
-    options = ColorOptions()
     with open_renderer(RenderOptions()) as renderer, renderer.load(mesh) as scene:
         for record in project.load_cameras().values():
-            camera = record.registered_camera.scaled(options.depth_scale)
+            camera = record.registered_camera.scaled(DEPTH_SCALE)
             scene.gbuffer(pinhole_cover(camera), ("depth",))
 
 

@@ -29,7 +29,7 @@ from color_truth import (
 )
 from scenes import Synthetic
 
-from texproj.color.patches import PatchSettings, color_patches
+from texproj.color.patches.texture import PatchSettings, color_patches
 from texproj.color.result import textured_mesh
 from texproj.color.texture import color_texture
 from texproj.color.vertices import color_vertices

@@ -181,8 +181,8 @@ def test_a_flag_overrides_project_toml_which_overrides_the_default(project_folde
 
     settings = read_settings('[color]\nto = "vertices"', "x")
 
-    assert read_settings("", "x").options("color").to == "texture"
-    assert apply_flags(settings, None).options("color").to == "vertices"
+    assert read_settings("", "x").color.to == "texture"
+    assert apply_flags(settings, None).color.to == "vertices"
 
 
 def test_no_two_flags_of_a_command_collide():

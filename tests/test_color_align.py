@@ -7,11 +7,11 @@ import pytest
 from color_scenes import camera, picture, plane
 
 from texproj.camera import Camera, Intrinsics
-from texproj.color.flow import sure_flow
-from texproj.color.prepare import photo_view
+from texproj.color.alignment.flow import sure_flow
+from texproj.color.sampling.prepare import photo_view
+from texproj.color.sampling.view import LENS_CELL
 from texproj.color.texture import color_texture
 from texproj.color.vertices import color_vertices
-from texproj.color.view import LENS_CELL
 from texproj.options import ColorOptions, RenderOptions
 from texproj.render import open_renderer
 

@@ -4,15 +4,16 @@ import numpy as np
 import pytest
 from color_scenes import camera, picture, plane
 
-from texproj.color.bands import AROUND_ONE, light_around, restored, soft_light
-from texproj.color.combine import blend
-from texproj.color.prepare import photo_view
-from texproj.color.sample import Samples
-from texproj.color.scratch import Scratch
-from texproj.color.spill import Spill, Stack
+from texproj.color.blending.bands import restored
+from texproj.color.blending.combine import blend
+from texproj.color.sampling.light_around import AROUND_ONE, light_around, soft_light
+from texproj.color.sampling.prepare import photo_view
+from texproj.color.sampling.sample import Samples
+from texproj.color.sampling.store import Spill, Stack
 from texproj.color.vertices import color_vertices
 from texproj.options import ColorOptions, RenderOptions
 from texproj.render import open_renderer
+from texproj.resources.scratch import Scratch
 
 MODES = ("multi-band", "robust", "mean", "best")
 GREY = 0.25

@@ -9,8 +9,9 @@ from chart_scenes import CHART, chart_at, chart_photo, true_linear, true_matrix
 from color_scenes import camera, pattern, picture, plane
 from skimage.color import deltaE_ciede2000, xyz2lab
 
-from texproj.color.absolute import light_at, with_checker
-from texproj.color.checker import (
+from texproj.color.balance.corrections import Correction
+from texproj.color.checker.apply import light_at, with_checker
+from texproj.color.checker.fit import (
     REFERENCE_LAB,
     XYZ_OF_SRGB,
     Checker,
@@ -19,8 +20,7 @@ from texproj.color.checker import (
     read_checker,
     srgb_of_lab,
 )
-from texproj.color.corrections import Correction
-from texproj.color.patches import PatchSettings, color_patches
+from texproj.color.patches.texture import PatchSettings, color_patches
 from texproj.color.texture import color_texture
 from texproj.color.vertices import color_vertices
 from texproj.errors import InputError
@@ -268,8 +268,8 @@ def test_textures_are_absolute_too(renderer, mode, bits):
 
 def with_chart(folder, named):
     project = Project.open(folder)
-    options = replace(project.settings.options("color"), checker=named)
-    return project.with_settings(project.settings.with_options("color", options))
+    options = replace(project.settings.color, checker=named)
+    return project.with_settings(replace(project.settings, color=options))
 
 
 def test_the_project_reads_the_chart_and_a_new_one_makes_the_model_stale(project_folder):

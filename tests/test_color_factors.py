@@ -6,21 +6,22 @@ import pytest
 from color_scenes import camera, picture, plane
 
 from texproj.camera import Camera
-from texproj.color.combine import blend
-from texproj.color.depths import Depths
-from texproj.color.detail import SIDE, energies
-from texproj.color.focus import median_of_others, node_positions, upper_medians
-from texproj.color.highlights import highlight_factor
-from texproj.color.inspection import Inspection, photo_factors
-from texproj.color.pictures import FLOOR, exposure_factor, mask_factor, silhouette_factor
-from texproj.color.pixels import PixelPoints
-from texproj.color.prepare import photo_view
-from texproj.color.project import project_views
-from texproj.color.scratch import Scratch
-from texproj.color.spill import Stack
+from texproj.color.balance.focus import median_of_others, node_positions, upper_medians
+from texproj.color.balance.shared_points import Surveyor
+from texproj.color.balance.sharpness import SIDE, energies
+from texproj.color.blending.combine import blend
+from texproj.color.blending.highlights import highlight_factor
+from texproj.color.factors import Inspection, photo_factors
+from texproj.color.points.pixels import PixelPoints
+from texproj.color.sampling.depth_images import Depths
+from texproj.color.sampling.gather import project_views
+from texproj.color.sampling.prepare import photo_view
+from texproj.color.sampling.store import Stack
+from texproj.color.weights.picture import FLOOR, exposure_factor, mask_factor, silhouette_factor
 from texproj.options import ColorOptions, RenderOptions
 from texproj.photo import Photo, PhotoInfo
 from texproj.render import open_renderer
+from texproj.resources.scratch import Scratch
 
 VIEWS = ((0.3, 0.2, 3.0), (-0.7, 0.4, 2.8), (0.6, -0.5, 2.9), (-0.2, -0.6, 3.1), (0.1, 0.7, 3.0))
 SIZE = (240, 180)
@@ -340,7 +341,9 @@ def test_the_survey_tells_sharpness_only_if_asked(scene):
     for power in (0.0, 1.0):
         options, scratch = ColorOptions(focus_power=power), Scratch()
         made = [photo_view(shots[k], views()[k], scene, options) for k in range(2)]
-        survey = project_views(points, made, 2, options, scratch)[1]
+        surveyor = Surveyor(points, 2, power > 0)
+        project_views(points, made, surveyor, 2, options, scratch)
+        survey = surveyor.survey()
         scratch.close()
 
         assert (survey.detail is None) == (power == 0)

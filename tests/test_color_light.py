@@ -9,16 +9,16 @@ import pytest
 from color_scenes import SIZE, camera, pattern, picture, plane
 
 from texproj.camera import Camera, Intrinsics, Pose
-from texproj.color import survey as survey_module
-from texproj.color.corrections import Correction, corrected, factors_at, grid_of, grids_of
-from texproj.color.photometry import solve_photometry
-from texproj.color.points import VertexPoints
-from texproj.color.prepare import photo_view
-from texproj.color.sight import sight_of
-from texproj.color.spill import Stack
-from texproj.color.survey import Shot, Survey, Surveyor
+from texproj.color.balance import shared_points as survey_module
+from texproj.color.balance.corrections import Correction, corrected, factors_at, grid_of, grids_of
+from texproj.color.balance.photometry import solve_photometry
+from texproj.color.balance.shared_points import Shot, Survey, Surveyor
+from texproj.color.balance.vignetting import lenses_of
+from texproj.color.points.source import VertexPoints
+from texproj.color.sampling.prepare import photo_view
+from texproj.color.sampling.store import Stack
 from texproj.color.vertices import color_vertices
-from texproj.color.vignetting import lenses_of
+from texproj.color.weights.surface import sight_of
 from texproj.options import ColorOptions, RenderOptions
 from texproj.photo import PhotoInfo
 from texproj.render import open_renderer

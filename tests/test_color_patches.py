@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from color_scenes import camera, joined, moved, pattern, picture, plane
 
-from texproj.color.patch_charts import patch_atlas
-from texproj.color.patch_labels import _Problem, choose_photos, merge_islands
-from texproj.color.patch_views import FaceViews
-from texproj.color.patches import PatchSettings, color_patches
-from texproj.color.raster import face_image
-from texproj.color.segmentation import dual_graph
-from texproj.color.texels import TexelPoints
+from texproj.color.patches.charts import patch_atlas
+from texproj.color.patches.labels import _Problem, choose_photos, merge_islands
+from texproj.color.patches.texture import PatchSettings, color_patches
+from texproj.color.patches.views import FaceViews
+from texproj.color.points.texels import TexelPoints
 from texproj.mesh import Mesh
 from texproj.options import PatchOptions, RenderOptions, UnwrapOptions
 from texproj.photo import linear_from_srgb, srgb_from_linear
 from texproj.render import open_renderer
+from texproj.unwrap.regions import dual_graph
+from texproj.unwrap.texel_faces import face_image
 
 VIEWS = ((0.3, 0.2, 3.0), (-0.9, 0.4, 2.8), (0.8, -0.7, 2.6), (-0.2, -0.9, 3.1), (0.1, 0.9, 3.2))
 
@@ -36,7 +36,7 @@ def texels(mesh, texture):
     """Color (linear), photo count, place in the world and face of every texel on the surface."""
     from contextlib import closing
 
-    from texproj.color.scratch import Scratch
+    from texproj.resources.scratch import Scratch
 
     with closing(Scratch()) as scratch:
         points = TexelPoints.of(mesh, texture.atlas, scratch)

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from color_scenes import camera, joined, moved, pattern, picture, plane
 
-from texproj.color.pages import fill_page
-from texproj.color.raster import face_image
-from texproj.color.scratch import Scratch
-from texproj.color.texels import TexelPoints
+from texproj.color.filling.gutters import fill_page
+from texproj.color.points.texels import TexelPoints
 from texproj.color.texture import color_texture
-from texproj.color.unwrap import unwrap
 from texproj.options import ColorOptions, RenderOptions
 from texproj.photo import linear_from_srgb
 from texproj.render import open_renderer
+from texproj.resources.scratch import Scratch
+from texproj.unwrap.texel_faces import face_image
+from texproj.unwrap.unwrap import unwrap
 
 VIEWS = ((0.3, 0.2, 3.0), (-0.9, 0.4, 2.8), (0.8, -0.7, 2.6), (-0.2, -0.9, 3.1))
 

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from color_scenes import camera, joined, moved, picture, plane
 
-from texproj.color.absolute import with_checker
-from texproj.color.align import rough
-from texproj.color.checker import Checker
+from texproj.color.alignment.shift import rough
+from texproj.color.checker.apply import with_checker
+from texproj.color.checker.fit import Checker
 from texproj.color.texture import color_texture
-from texproj.color.threads import ahead
 from texproj.options import ColorOptions, RenderOptions
 from texproj.photo import PhotoInfo
 from texproj.render import open_renderer
+from texproj.resources.threads import ahead
 
 BEHIND = (0.3, 0.2, -3.0)
 

@@ -1,12 +1,15 @@
 """Writing: all or nothing, and the old content survives every failure."""
 
 import errno
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+from texproj import files
 from texproj.errors import OutputError
-from texproj.files import json_hash, staging, write_atomically
+from texproj.files import json_hash, remove_unfinished, staging, write_atomically
 
 
 def test_nothing_but_the_file_is_left(tmp_path):
@@ -58,3 +61,47 @@ def test_the_order_of_keys_does_not_change_a_hash():
     """Settings written in another order are the same settings."""
     assert json_hash({"a": 1, "b": [2.5]}) == json_hash({"b": [2.5], "a": 1})
     assert json_hash({"a": 1}) != json_hash({"a": 2})
+
+
+def test_what_somebody_is_at_work_on_stays(tmp_path):
+    """Another writer's folder is no left-over while that writer lives."""
+    script = (
+        "import sys, time; from pathlib import Path; from texproj.files import staging\n"
+        f"with staging(Path({str(tmp_path)!r})) as folder:\n"
+        "    (folder / 'a').write_text('half'); print('in', flush=True); sys.stdin.read()\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as writer:
+        assert writer.stdout.readline() == "in\n"
+        write_atomically(tmp_path / "b", "mine")
+        remove_unfinished(tmp_path)
+        writer.stdin.close()
+
+    assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {"a": "half", "b": "mine"}
+
+
+def test_what_a_killed_writer_left_goes_with_the_next_write(tmp_path):
+    """The system lets go of its claim, so nobody has to remember it."""
+    script = (
+        "import os; from pathlib import Path; from texproj.files import staging\n"
+        f"with staging(Path({str(tmp_path)!r})) as folder:\n"
+        "    (folder / 'a').write_text('half'); os._exit(9)\n"
+    )
+    subprocess.run([sys.executable, "-c", script], check=False)
+    assert [p.name.startswith(".unfinished-") for p in tmp_path.iterdir()] == [True]
+
+    write_atomically(tmp_path / "b", "mine")
+
+    assert [p.name for p in tmp_path.iterdir()] == ["b"]
+
+
+def test_a_folder_without_a_claim_is_left_alone_while_it_is_new(tmp_path, monkeypatch):
+    """It may belong to somebody who is just making it."""
+    (tmp_path / ".unfinished-x").mkdir()
+    remove_unfinished(tmp_path)
+    assert (tmp_path / ".unfinished-x").exists()
+
+    monkeypatch.setattr(files, "FRESH_S", 0)
+    remove_unfinished(tmp_path)
+    assert not (tmp_path / ".unfinished-x").exists()

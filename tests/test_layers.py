@@ -8,13 +8,15 @@ import pytest
 PACKAGE = Path(__file__).resolve().parent.parent / "texproj"
 
 LAYERS = [
-    {"errors"},
+    {"errors", "arrays", "resources"},
     {"options"},
     {"camera", "mesh", "photo", "records"},
-    {"solve", "render", "formats", "repair", "files"},
-    {"register", "color", "report", "demo", "settings"},
-    {"project"},
+    {"solve", "render", "formats", "repair", "files", "log"},
+    {"unwrap", "register", "color", "report", "demo", "settings"},
+    {"intake", "project"},
+    {"creation"},
     {"stages", "doctor"},
+    {"bundle"},
     {"preview"},
     {"cli", "__init__", "__main__"},
 ]

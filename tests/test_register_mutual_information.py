@@ -13,9 +13,9 @@ from texproj.errors import RegistrationError
 from texproj.mesh import vertex_normals
 from texproj.options import MutualInformationOptions
 from texproj.photo import Correspondences
-from texproj.register.comparison import Comparison, PhotoLevel
-from texproj.register.mutual_information import register_mutual_information
-from texproj.register.surface_samples import map_images, outline_samples, surface_samples
+from texproj.register.information.comparison import Comparison, PhotoLevel
+from texproj.register.information.register import register_mutual_information
+from texproj.register.information.samples import map_images, outline_samples, surface_samples
 from texproj.render import ambient_occlusion, open_renderer
 
 

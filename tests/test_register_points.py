@@ -10,7 +10,7 @@ from texproj.camera import Camera, Intrinsics, Pose
 from texproj.errors import RegistrationError, UsageError
 from texproj.options import PointsOptions, options_from
 from texproj.photo import Correspondences, PhotoInfo
-from texproj.register.points import register_points
+from texproj.register.picks.register import register_points
 
 W, H = 3000, 2000
 FAR_OFF, UP = np.array([4e5, 5e6, 100]), np.array([0, 0, 1.0])

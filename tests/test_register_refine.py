@@ -7,8 +7,8 @@ from scenes import exposure_round, synthetic_pair
 
 from texproj.camera import Camera
 from texproj.options import RefineOptions, RenderOptions
-from texproj.register.overlap import choose_partners
-from texproj.register.refine import refine
+from texproj.register.joint.overlap import choose_partners
+from texproj.register.joint.refine import refine
 from texproj.render import open_renderer
 
 OPTIONS = RefineOptions(working_px=512, fine_rounds=0, partners=4)

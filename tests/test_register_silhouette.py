@@ -9,9 +9,9 @@ from scenes import matte_pair, synthetic_pair
 from texproj.camera import Camera, Intrinsics, Pose
 from texproj.errors import RegistrationError
 from texproj.mesh import vertex_normals
-from texproj.register.from_mask import register_from_outline
-from texproj.register.segmentation import object_mask
-from texproj.register.silhouette import guessed_lens, register_silhouette
+from texproj.register.outline.chain import register_from_outline
+from texproj.register.outline.object_mask import object_mask
+from texproj.register.outline.register import guessed_lens, register_silhouette
 from texproj.render import ambient_occlusion, open_renderer
 from texproj.solve.silhouette import (
     OutlineDistance,

@@ -11,11 +11,11 @@ from texproj.errors import RegistrationError
 from texproj.mesh import Mesh
 from texproj.options import StructureOptions
 from texproj.photo import Photo, PhotoInfo
-from texproj.register.mirror import mirrored_camera
-from texproj.register.structure import register_structure
-from texproj.register.structure_start import placed_pose
-from texproj.register.verdict import verify
-from texproj.register.window import Window
+from texproj.register.structure.crop import Window
+from texproj.register.structure.mirror import mirrored_camera
+from texproj.register.structure.register import register_structure
+from texproj.register.structure.starts import placed_pose
+from texproj.register.structure.verdict import verify
 from texproj.render import ambient_occlusion
 from texproj.render.rays import CPURenderer
 from texproj.solve.placement import Placement

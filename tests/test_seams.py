@@ -7,16 +7,16 @@ import pytest
 from color_scenes import camera, pattern, picture, plane
 from seams import seams_of
 
-from texproj.color.patch_charts import continued
-from texproj.color.patches import PatchSettings, color_patches
-from texproj.color.raster import face_image
-from texproj.color.scratch import Scratch
-from texproj.color.segmentation import dual_graph
-from texproj.color.texels import TexelPoints
+from texproj.color.patches.charts import continued
+from texproj.color.patches.texture import PatchSettings, color_patches
+from texproj.color.points.texels import TexelPoints
 from texproj.mesh import TexturedMesh
 from texproj.options import PatchOptions, RenderOptions
 from texproj.photo import Photo, linear_from_srgb, srgb_from_linear
 from texproj.render import open_renderer
+from texproj.resources.scratch import Scratch
+from texproj.unwrap.regions import dual_graph
+from texproj.unwrap.texel_faces import face_image
 
 VIEWS = ((0.3, 0.2, 3.0), (-0.9, 0.4, 2.8), (0.8, -0.7, 2.6), (-0.2, -0.9, 3.1), (0.1, 0.9, 3.2))
 SIDE = 64

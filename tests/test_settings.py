@@ -13,7 +13,7 @@ def test_an_empty_file_gives_the_defaults():
 
     assert settings.mesh is None
     assert settings.photos == "photos"
-    assert settings.options("render") == RenderOptions()
+    assert settings.render == RenderOptions()
 
 
 def test_an_unknown_key_names_the_nearest_known_one():

@@ -20,7 +20,7 @@ SMALL = DemoOptions(photos=6, long_side=720, faces=8000, carved_faces=80_000)
 def with_options(project: Project, **sections) -> Project:
     settings = project.settings
     for name, options in sections.items():
-        settings = settings.with_options(name, options)
+        settings = settings.with_table(name, options)
     return project.with_settings(settings)
 
 

@@ -8,10 +8,10 @@ import pytest
 import trimesh
 from scipy import ndimage
 
-from texproj.color.unwrap import unwrap
 from texproj.errors import InputError
 from texproj.mesh import Mesh, face_areas
 from texproj.options import UnwrapOptions
+from texproj.unwrap.unwrap import unwrap
 
 OPTIONS = UnwrapOptions()
 

@@ -1,5 +1,7 @@
 """Which files a model becomes, and what happens to those of an earlier run."""
 
+from dataclasses import replace
+
 import imagecodecs
 import numpy as np
 import pytest
@@ -8,7 +10,6 @@ import trimesh
 from color_scenes import plane
 
 from texproj.cli import main
-from texproj.color.atlas import Atlas, AtlasStats
 from texproj.color.result import Texture, VertexColors, textured_mesh
 from texproj.errors import UsageError
 from texproj.formats.models import (
@@ -28,6 +29,7 @@ from texproj.project import Project
 from texproj.stages.coloring import SECTIONS
 from texproj.stages.freshness import options_inputs
 from texproj.stages.writing import output_plan, padded, write_texture, write_vertices
+from texproj.unwrap.atlas import Atlas, AtlasStats
 
 SIZE = (30, 22)  # width, height: no multiples of 4
 
@@ -207,7 +209,7 @@ def test_files_of_an_earlier_kind_go_unless_somebody_changed_them(project_folder
 def test_a_change_of_output_alone_makes_the_model_stale(project_folder):
     """And so does nothing when it is the same."""
     project = Project.open(project_folder)
-    jpeg = project.settings.with_options("output", OutputOptions(image="jpeg"))
+    jpeg = replace(project.settings, output=OutputOptions(image="jpeg"))
     before, after = (
         options_inputs(p, 1, *SECTIONS) for p in (project, project.with_settings(jpeg))
     )

@@ -27,7 +27,7 @@ _HOMES = {
     "Correspondences": "texproj.photo",
     "TexprojError": "texproj.errors",
     "Project": "texproj.project",
-    "create_project": "texproj.project",
+    "create_project": "texproj.creation",
     "Workbench": "texproj.stages.bench",
     "register_photos": "texproj.stages.registering",
     "refine_project": "texproj.stages.refining",

@@ -8,6 +8,7 @@ import hashlib
 import json
 import shutil
 import tempfile
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,14 @@ from typing import Any
 from texproj.errors import OutputError
 
 STAGING_PREFIX = ".unfinished-"
-"""Folders of this name are left-overs of an interrupted write and may be deleted."""
+"""Begins the names of folders in which files are made before they move to their place."""
+
+CLAIM = ".claim"
+"""Locked in such a folder by whoever works there; the system lets go of it when the process ends,
+however it ends."""
+
+FRESH_S = 10
+"""Age below which a folder without a claim may belong to somebody who is just making it."""
 
 
 def write_atomically(path: Path, content: bytes | str) -> None:
@@ -32,16 +40,22 @@ def write_atomically(path: Path, content: bytes | str) -> None:
 def staging(target: Path) -> Iterator[Path]:
     """A temporary folder inside `target`; what is in it moves to `target` when the block ends well.
 
-    Files that are there already are replaced one by one, each atomically. Raises OutputError for
-    a folder that cannot be written and for a full disk; nothing in `target` has changed then.
+    Files that are there already are replaced one by one, each atomically. What an interrupted write
+    left in `target` is removed. Raises OutputError for a folder that cannot be written and for a
+    full disk; nothing in `target` has changed then.
     """
+    from filelock import FileLock  # noqa: PLC0415 - loads asyncio, which readers need not wait for
+
     folder = None
     try:
         target.mkdir(parents=True, exist_ok=True)
+        remove_unfinished(target)
         folder = Path(tempfile.mkdtemp(prefix=STAGING_PREFIX, dir=target))
-        yield folder
-        for file in sorted(folder.iterdir()):
-            file.replace(target / file.name)
+        with FileLock(folder / CLAIM):
+            yield folder
+            for file in sorted(folder.iterdir()):
+                if file.name != CLAIM:
+                    file.replace(target / file.name)
     except OSError as error:
         raise OutputError(_write_failure(target, error)) from error
     finally:
@@ -50,9 +64,19 @@ def staging(target: Path) -> Iterator[Path]:
 
 
 def remove_unfinished(target: Path) -> None:
-    """Delete what an interrupted write left in `target`."""
-    for folder in target.glob(f"{STAGING_PREFIX}*"):
-        shutil.rmtree(folder, ignore_errors=True)
+    """Delete what an interrupted write left in `target`; what somebody is at work on stays."""
+    left = list(target.glob(f"{STAGING_PREFIX}*"))
+    if not left:
+        return
+    from filelock import FileLock, Timeout  # noqa: PLC0415
+
+    for folder in left:
+        with contextlib.suppress(OSError, Timeout):
+            if not (folder / CLAIM).exists() and time.time() - folder.stat().st_mtime < FRESH_S:
+                continue  # made a moment ago, not yet claimed
+            with FileLock(folder / CLAIM, timeout=0):
+                pass
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def _write_failure(target: Path, error: OSError) -> str:

@@ -114,5 +114,8 @@ def srgb_from_linear(linear: ArrayLike) -> NDArray[np.float32]:
     return np.where(v <= 0.0031308, v * 12.92, 1.055 * v ** (1 / 2.4) - 0.055).astype(np.float32)
 
 
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+"""Of linear sRGB (Rec. 709)."""
+
 LINEAR_OF_SRGB8 = linear_from_srgb(np.arange(256) / 255)
 """(256,) float32: linear light of each 8-bit sRGB value."""

@@ -6,7 +6,6 @@ Everything is read on demand and written to a temporary name, then renamed.
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,10 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.errors import InputError, OutputError, TexprojError, UsageError, nearest_name
+from texproj.errors import InputError, UsageError, nearest_name
 from texproj.files import (
     file_hash,
-    link_or_copy,
     remove_unfinished,
     staging,
     write_atomically,
@@ -28,6 +26,7 @@ from texproj.formats.cameras import cameras_json, read_cameras
 from texproj.formats.correspondences import correspondences_csv, read_correspondences
 from texproj.formats.meshes import MESH_SUFFIXES, read_mesh
 from texproj.formats.photos import PHOTO_SUFFIXES, read_photo, read_photo_info
+from texproj.intake import Found, find_masks, find_photos, find_picks, one_of
 from texproj.mesh import MeshSource
 from texproj.photo import Correspondences, Photo, PhotoInfo
 from texproj.records import CameraRecord
@@ -36,13 +35,8 @@ from texproj.settings import Settings, read_settings
 
 SETTINGS_FILE = "project.toml"
 CAMERAS_FILE = "cameras.json"
-MASK_SUFFIX = ".png"
 UNREADABLE = "cannot be read"
 """In place of the hash of a file that may not be read."""
-
-NEW_SETTINGS = """\
-# Settings of this project. Every key is optional; `texproj COMMAND --help` lists them all.
-{lines}"""
 
 
 @dataclass(frozen=True)
@@ -101,13 +95,35 @@ class Project:
     @cached_property
     def photo_paths(self) -> dict[str, Path]:
         """The photos by file name, in the order of their names. Raises InputError for none."""
-        folder = self.root / self.settings.photos
-        found = _files(folder, PHOTO_SUFFIXES)
-        if not found:
+        found = self._photos
+        if not found.paths:
             kinds = ", ".join(s[1:] for s in PHOTO_SUFFIXES)
-            raise InputError(f"no photos in {folder}; put some there ({kinds})")
-        _refuse_same_stems(found)
-        return {path.name: path for path in found}
+            said = "".join(f" ({note})" for note in found.notes)
+            raise InputError(f"no photos in {self.photos}; put some there ({kinds}){said}")
+        refuse_same_stems(found.paths.values())
+        return dict(found.paths)
+
+    @property
+    def photos(self) -> Path:
+        """The folder of the photos."""
+        return self.root / self.settings.photos
+
+    @cached_property
+    def _photos(self) -> Found:
+        return find_photos(self.photos, PHOTO_SUFFIXES)
+
+    @cached_property
+    def _masks(self) -> Found:
+        return find_masks(self.root / "masks", self.photo_paths)
+
+    @cached_property
+    def _picks(self) -> Found:
+        return find_picks(self.root / "correspondences", self.photo_paths)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """A sentence for each file that a person put here and that nothing uses."""
+        return (*self._photos.notes, *self._masks.notes, *self._picks.notes)
 
     @property
     def photo_names(self) -> list[str]:
@@ -117,7 +133,7 @@ class Project:
         """The file of photo `name`. Raises UsageError for a name that is not in the project."""
         if name not in self.photo_paths:
             known = nearest_name(name, self.photo_paths)
-            raise UsageError(f"no photo {name!r} in {self.root / self.settings.photos}{known}")
+            raise UsageError(f"no photo {name!r} in {self.photos}{known}")
         return self.photo_paths[name]
 
     def load_mesh(self) -> MeshSource:
@@ -139,16 +155,13 @@ class Project:
         return read_photo(path, read_photo_info(path), self.mask_path(name), longest)
 
     def mask_path(self, name: str) -> Path | None:
-        """The stencil of photo `name`, None if it has none."""
-        folder = self.root / "masks"
-        for candidate in (Path(name).stem + MASK_SUFFIX, name + MASK_SUFFIX):
-            if (folder / candidate).is_file():
-                return folder / candidate
-        return None
+        """The stencil of photo `name`, None if it has none. Raises InputError where it has two."""
+        return one_of(self._masks, name)
 
     def correspondences_path(self, name: str) -> Path:
-        """Where the picks of photo `name` are, or would be."""
-        return self.root / "correspondences" / f"{Path(name).stem}.csv"
+        """Where the picks of photo `name` are, or would be. Raises InputError for two files."""
+        usual = self.root / "correspondences" / f"{Path(name).stem}.csv"
+        return one_of(self._picks, name) or usual
 
     def load_correspondences(self, name: str) -> Correspondences | None:
         """The picks of photo `name`, None if there are none. Raises InputError."""
@@ -276,43 +289,6 @@ class Project:
             remove_unfinished(folder)
 
 
-def create_project(root: Path, mesh: Path, photos: Sequence[Path], link: bool) -> Project:
-    """Make a project folder of one mesh and photos (files, or folders that hold them).
-
-    Files are copied, or linked if asked. Raises UsageError for a folder that is not empty,
-    InputError for what cannot be used, OutputError for a place that cannot be written.
-    """
-    if root.exists() and (not root.is_dir() or any(root.iterdir())):
-        raise UsageError(f"{root} exists and is not empty; give a new folder")
-    if not mesh.is_file():
-        raise InputError(f"no mesh at {mesh}")
-    if mesh.suffix.lower() not in MESH_SUFFIXES:
-        kinds = ", ".join(s[1:] for s in MESH_SUFFIXES)
-        raise InputError(f"{mesh} is not a mesh that texproj reads ({kinds})")
-    sources = _photo_sources(photos)
-    existed = root.exists()
-    try:
-        _fill(root, mesh, sources, link)
-    except TexprojError:
-        for made in root.iterdir() if existed else [root]:
-            shutil.rmtree(made, ignore_errors=True)
-        raise
-    return Project.open(root)
-
-
-def _fill(root: Path, mesh: Path, sources: Sequence[Path], link: bool) -> None:
-    try:
-        for folder in ("mesh", "photos", "masks", "correspondences"):
-            (root / folder).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"cannot make {root}: {error.strerror}") from None
-    link_or_copy(mesh, root / "mesh" / mesh.name, link)
-    for source in sources:
-        link_or_copy(source, root / "photos" / source.name, link)
-    lines = f'mesh = "mesh/{mesh.name}"\nphotos = "photos"\n'
-    write_atomically(root / SETTINGS_FILE, NEW_SETTINGS.format(lines=lines))
-
-
 def _read_json(path: Path) -> dict[str, Any]:
     """The object in a file that the machine made; empty if it is missing or broken."""
     try:
@@ -322,28 +298,8 @@ def _read_json(path: Path) -> dict[str, Any]:
     return value if isinstance(value, dict) else {}
 
 
-def _photo_sources(photos: Sequence[Path]) -> list[Path]:
-    sources: dict[str, Path] = {}
-    for given in photos:
-        if not given.exists():
-            raise InputError(f"no photo or folder at {given}")
-        found = _files(given, PHOTO_SUFFIXES) if given.is_dir() else [given]
-        if not found:
-            raise InputError(f"no photos in {given}")
-        for path in found:
-            if path.suffix.lower() not in PHOTO_SUFFIXES:
-                kinds = ", ".join(s[1:] for s in PHOTO_SUFFIXES)
-                raise InputError(f"{path} is not a photo that texproj reads ({kinds})")
-            if path.name in sources:
-                raise InputError(f"two photos are named {path.name}: rename one of them")
-            sources[path.name] = path
-    if not sources:
-        raise UsageError("give at least one photo, or a folder of photos")
-    _refuse_same_stems(sources.values())
-    return list(sources.values())
-
-
-def _refuse_same_stems(photos: Iterable[Path]) -> None:
+def refuse_same_stems(photos: Iterable[Path]) -> None:
+    """Raise InputError for two photos whose masks and picks would have the same name."""
     stems: dict[str, Path] = {}
     for path in photos:
         if path.stem in stems:

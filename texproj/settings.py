@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field, is_dataclass, replace
+from typing import Any, get_type_hints
 
 from texproj.errors import InputError, UsageError, nearest_name
 from texproj.options import (
@@ -24,44 +23,51 @@ from texproj.options import (
     options_from,
 )
 
-SECTIONS: dict[str, type] = {
-    "render": RenderOptions,
-    "register": RegisterOptions,
-    "points": PointsOptions,
-    "structure": StructureOptions,
-    "mutual-information": MutualInformationOptions,
-    "silhouette": SilhouetteOptions,
-    "refine": RefineOptions,
-    "color": ColorOptions,
-    "unwrap": UnwrapOptions,
-    "patches": PatchOptions,
-    "output": OutputOptions,
-    "preview": PreviewOptions,
-}
-"""Tables of project.toml and the options that each holds."""
-
 DEFAULT_PHOTOS = "photos"
 
 
 @dataclass(frozen=True)
 class Settings:
-    """The settings of a project.
+    """The settings of a project: one field for each table of project.toml.
 
     mesh: path of the mesh relative to the project, None = the one file in mesh/;
-    photos: folder of the photos; sections: options by name of their table in project.toml.
+    photos: folder of the photos.
     """
 
     mesh: str | None = None
     photos: str = DEFAULT_PHOTOS
-    sections: Mapping[str, Any] = field(default_factory=dict)
+    render: RenderOptions = field(default_factory=RenderOptions)
+    register: RegisterOptions = field(default_factory=RegisterOptions)
+    points: PointsOptions = field(default_factory=PointsOptions)
+    structure: StructureOptions = field(default_factory=StructureOptions)
+    mutual_information: MutualInformationOptions = field(default_factory=MutualInformationOptions)
+    silhouette: SilhouetteOptions = field(default_factory=SilhouetteOptions)
+    refine: RefineOptions = field(default_factory=RefineOptions)
+    color: ColorOptions = field(default_factory=ColorOptions)
+    unwrap: UnwrapOptions = field(default_factory=UnwrapOptions)
+    patches: PatchOptions = field(default_factory=PatchOptions)
+    output: OutputOptions = field(default_factory=OutputOptions)
+    preview: PreviewOptions = field(default_factory=PreviewOptions)
 
-    def options(self, name: str) -> Any:
-        """The options of section `name`: those of project.toml, else the defaults."""
-        return self.sections.get(name) or SECTIONS[name]()
+    def table(self, name: str) -> Any:
+        """The options of a table of project.toml, by the name that it has there."""
+        return getattr(self, _field_of(name))
 
-    def with_options(self, name: str, options: Any) -> Settings:
-        """The settings with another set of options for section `name`."""
-        return replace(self, sections={**self.sections, name: options})
+    def with_table(self, name: str, options: Any) -> Settings:
+        """The settings with other options for a table."""
+        return replace(self, **{_field_of(name): options})
+
+
+def _field_of(table: str) -> str:
+    return table.replace("-", "_")
+
+
+SECTIONS: dict[str, Any] = {
+    name.replace("_", "-"): cls
+    for name, cls in get_type_hints(Settings).items()
+    if is_dataclass(cls)
+}
+"""Tables of project.toml and the options that each holds."""
 
 
 def read_settings(text: str, where: str) -> Settings:
@@ -83,12 +89,12 @@ def read_settings(text: str, where: str) -> Settings:
     for key in ("mesh", "photos"):
         if key in data and not (isinstance(data[key], str) and data[key]):
             raise UsageError(f"{where}: {key} must be a path in quotes")
-    sections: dict[str, Any] = {}
+    tables: dict[str, Any] = {}
     for name, cls in SECTIONS.items():
         table = data.get(name, {})
         if not isinstance(table, dict):
             raise UsageError(
                 f"{where}: {name} must be a table: write [{name}] on a line of its own"
             )
-        sections[name] = options_from(cls, table, f"{where} [{name}]")
-    return Settings(data.get("mesh"), data.get("photos", DEFAULT_PHOTOS), sections)
+        tables[_field_of(name)] = options_from(cls, table, f"{where} [{name}]")
+    return Settings(data.get("mesh"), data.get("photos", DEFAULT_PHOTOS), **tables)

@@ -14,8 +14,10 @@ from texproj.cli.flags import flags_for
 from texproj.cli.inspecting import factors
 from texproj.cli.main import DONE, SOME_FAILED, UNUSABLE
 from texproj.cli.shared import Folder, Json, Verbose, exit_code, matching, open_project
+from texproj.creation import create_project
 from texproj.errors import UsageError
-from texproj.project import Project, create_project
+from texproj.project import Project
+from texproj.settings import SECTIONS
 
 app = App(name="texproj", version=__version__, help=__doc__)
 app.help = (
@@ -31,12 +33,14 @@ if TYPE_CHECKING:
     RenderFlags: TypeAlias = Any
     PreviewFlags: TypeAlias = Any
 else:  # classes made from the options when the program starts
-    RegisterFlags = flags_for(("register", "render"), ("points", "structure"))
+    RegisterFlags = flags_for(
+        ("register", "render"), ("points", "structure", "mutual-information", "silhouette")
+    )
     RefineFlags = flags_for(("refine", "render"))
     ColorFlags = flags_for(("color", "render"), ("unwrap", "patches", "output"))
     RunFlags = flags_for(
         ("render",),
-        ("register", "points", "structure", "refine", "color", "unwrap", "patches", "output"),
+        tuple(name for name in SECTIONS if name not in ("render", "preview")),
     )
     RenderFlags = flags_for(("render",))
     PreviewFlags = flags_for(("preview",))
@@ -60,7 +64,7 @@ def new(
     Example: texproj new statue --mesh scan.ply --photos DCIM/
     """
     talk.talk_about_details(verbose)
-    project = create_project(folder, mesh, photos, link)
+    project = create_project(folder, mesh, photos, link, talk.complain)
     count = len(project.photo_names)
     if json:
         talk.say_json({"project": str(folder), "photos": project.photo_names})
@@ -280,7 +284,7 @@ def preview(folder: Folder, /, *, flags: PreviewFlags = None, verbose: Verbose =
     from texproj.preview.server import serve  # noqa: PLC0415
 
     project = open_project(folder, flags, verbose)
-    serve(project.root, project.settings.options("preview"))
+    serve(project.root, project.settings.preview)
     return DONE
 
 

@@ -10,7 +10,7 @@ from typing import Annotated, Any, get_type_hints
 
 from cyclopts import Parameter
 
-from texproj.options import options_from
+from texproj.options import is_expert, options_from
 from texproj.settings import SECTIONS, Settings
 
 
@@ -25,9 +25,10 @@ def flags_for(flat: tuple[str, ...], nested: tuple[str, ...] = ()) -> Any:
         for name, hint in _flags(section)
     ]
     for section in nested:
-        holder = _dataclass(f"{section.title()}Flags", _columns(section))
+        holder = _dataclass(f"{section.title().replace('-', '')}Flags", _columns(section))
         hint: Any = Annotated[holder | None, Parameter(name=section)]
-        columns.append((section, hint, field(default=None)))
+        name = section.replace("-", "_")
+        columns.append((name, hint, field(default=None, metadata={"table": section})))
     combined = _dataclass("Flags", columns)
     return Annotated[combined | None, Parameter(name="*")]
 
@@ -37,9 +38,9 @@ def apply_flags(settings: Settings, flags: Any) -> Settings:
     if flags is None:
         return settings
     for section, given in _given(flags).items():
-        values = {**asdict(settings.options(section)), **given}
+        values = {**asdict(settings.table(section)), **given}
         options: Any = options_from(SECTIONS[section], values, "command line")
-        settings = settings.with_options(section, options)
+        settings = settings.with_table(section, options)
     return settings
 
 
@@ -54,7 +55,7 @@ def _given(flags: Any) -> dict[str, dict[str, Any]]:
             given.setdefault(column.metadata["section"], {})[column.name] = value
         else:
             values = {k: v for k, v in asdict(value).items() if v is not None}
-            given.setdefault(column.name, {}).update(values)
+            given.setdefault(column.metadata["table"], {}).update(values)
     return given
 
 
@@ -63,10 +64,11 @@ def _columns(section: str) -> list[Any]:
 
 
 def _flags(section: str) -> list[tuple[str, Any]]:
-    """Name and optional, documented type of each option of a section."""
+    """Name and optional, documented type of each option of a section, but those for experts."""
     cls = SECTIONS[section]
     hints = get_type_hints(cls)
-    return [(f.name, _flag(cls, f, hints[f.name])) for f in fields(cls)]
+    shown = [f for f in fields(cls) if not is_expert(cls, f.name)]
+    return [(f.name, _flag(cls, f, hints[f.name])) for f in shown]
 
 
 def _flag(cls: type, option: Field[Any], hint: Any) -> Any:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.color.focus import Focus
-from texproj.color.photometry import Photometry
+from texproj.color.balance.focus import Focus
+from texproj.color.balance.photometry import Photometry
 
 
 def coverage(counts: list[NDArray[Any]], points: int) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from texproj.mesh import Mesh, TexturedMesh, vertex_normals
 
 if TYPE_CHECKING:
-    from texproj.color.atlas import Atlas
+    from texproj.unwrap.atlas import Atlas
 
 
 @dataclass(frozen=True, eq=False)

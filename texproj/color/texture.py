@@ -10,33 +10,34 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Floats
 from texproj.camera import Camera
-from texproj.color.absolute import absolute_matrix, in_absolute
-from texproj.color.align import Alignment, alignments, displaced, per_alignment, rough
-from texproj.color.atlas import Atlas
-from texproj.color.blending import blend_chunk
-from texproj.color.corrections import gains_of, grids_of
-from texproj.color.density import texels_per_unit
-from texproj.color.depths import Depths
-from texproj.color.flatten import Regions
-from texproj.color.focus import solve_photos
-from texproj.color.memory import return_freed_memory, trim
-from texproj.color.pages import fill_page
-from texproj.color.photometry import Photometry
-from texproj.color.points import Floats
-from texproj.color.project import LoadPhoto, Progress, project_views, views_ahead
+from texproj.color.alignment.shift import Alignment, alignments, displaced, per_alignment, rough
+from texproj.color.balance.corrections import gains_of, grids_of
+from texproj.color.balance.focus import solve_photos
+from texproj.color.balance.photometry import Photometry
+from texproj.color.balance.shared_points import Surveyor
+from texproj.color.blending.combine import blend_chunk
+from texproj.color.checker.apply import absolute_matrix, in_absolute
+from texproj.color.filling.gutters import fill_page
+from texproj.color.filling.texels import fill_unseen
+from texproj.color.points.texels import TexelPoints
 from texproj.color.quality import coverage, per_lens, per_photo
 from texproj.color.result import Texture
-from texproj.color.scratch import Scratch
-from texproj.color.spill import Spill
-from texproj.color.texels import TexelPoints
-from texproj.color.threads import in_parallel, opencv_in_one_thread
-from texproj.color.unseen import fill_unseen
-from texproj.color.unwrap import unwrap
+from texproj.color.sampling.depth_images import Depths
+from texproj.color.sampling.gather import LoadPhoto, Progress, project_views, views_ahead
+from texproj.color.sampling.resolution import texels_per_unit
+from texproj.color.sampling.store import Spill
 from texproj.mesh import Mesh
 from texproj.options import ColorOptions, UnwrapOptions
 from texproj.photo import srgb_from_linear
 from texproj.render import Renderer
+from texproj.resources.memory import return_freed_memory, trim
+from texproj.resources.scratch import Scratch
+from texproj.resources.threads import in_parallel, opencv_in_one_thread
+from texproj.unwrap.atlas import Atlas
+from texproj.unwrap.flatten import Regions
+from texproj.unwrap.unwrap import unwrap
 
 ENCODING = np.round(srgb_from_linear(np.arange(65536) / 65535) * 255).astype(np.uint8)
 """8-bit sRGB of 16-bit linear light."""
@@ -71,7 +72,9 @@ def color_texture(
         atlas = unwrap(mesh, density, unwrap_options, regions.result())
         points = TexelPoints.of(mesh, atlas, scratch)
         trim()
-        spill, survey = project_views(points, views, len(cameras), options, scratch, progress)
+        surveyor = Surveyor(points, len(cameras), options.focus_power > 0)
+        spill = project_views(points, views, surveyor, len(cameras), options, scratch, progress)
+        survey = surveyor.survey()
         trim()
         light, focus = solve_photos(survey, options)
         absolute, checker = absolute_matrix(options, survey, light)

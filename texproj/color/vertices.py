@@ -8,22 +8,23 @@ from contextlib import closing
 import numpy as np
 
 from texproj.camera import Camera
-from texproj.color.absolute import absolute_matrix, in_absolute
-from texproj.color.align import displaced, per_alignment
-from texproj.color.blending import blend_chunk
-from texproj.color.corrections import gains_of, grids_of
-from texproj.color.fill import fill_vertices
-from texproj.color.focus import solve_photos
-from texproj.color.points import VertexPoints
-from texproj.color.project import LoadPhoto, Progress, project_views, views_in_turn
+from texproj.color.alignment.shift import displaced, per_alignment
+from texproj.color.balance.corrections import gains_of, grids_of
+from texproj.color.balance.focus import solve_photos
+from texproj.color.balance.shared_points import Surveyor
+from texproj.color.blending.combine import blend_chunk
+from texproj.color.checker.apply import absolute_matrix, in_absolute
+from texproj.color.filling.vertices import fill_vertices
+from texproj.color.points.source import VertexPoints
 from texproj.color.quality import coverage, per_lens, per_photo
 from texproj.color.result import VertexColors
-from texproj.color.scratch import Scratch
+from texproj.color.sampling.gather import LoadPhoto, Progress, project_views, views_in_turn
 from texproj.color.texture import found_alignments
-from texproj.color.threads import opencv_in_one_thread
 from texproj.mesh import Mesh
 from texproj.options import ColorOptions
 from texproj.render import Renderer
+from texproj.resources.scratch import Scratch
+from texproj.resources.threads import opencv_in_one_thread
 
 
 def color_vertices(
@@ -48,7 +49,9 @@ def color_vertices(
     share = np.zeros(len(cameras))
     with opencv_in_one_thread(), renderer.load(mesh) as scene, closing(Scratch()) as scratch:
         views = displaced(views_in_turn(cameras, load_photo, scene, options), found)
-        spill, survey = project_views(points, views, len(cameras), options, scratch, progress)
+        surveyor = Surveyor(points, len(cameras), options.focus_power > 0)
+        spill = project_views(points, views, surveyor, len(cameras), options, scratch, progress)
+        survey = surveyor.survey()
         light, focus = solve_photos(survey, options)
         gains, grids = gains_of(light.corrections), grids_of(cameras, light.corrections)
         absolute, checker = absolute_matrix(options, survey, light)

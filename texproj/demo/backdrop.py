@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from texproj.arrays import Floats
 from texproj.demo.caster import Caster
 from texproj.demo.light import Lighting
 from texproj.demo.noise import noise
 
-Floats = NDArray[np.float32]
 Color = tuple[float, float, float]
 
 WALL = (0.42, 0.43, 0.45)

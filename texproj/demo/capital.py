@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from texproj.demo.shapes import Field, Points, Values, box, carve, join, sphere, turned
+from texproj.arrays import Floats
+from texproj.demo.shapes import Field, box, carve, join, sphere, turned
 
 
 def solid(seed: int) -> tuple[Field, tuple[float, float, float]]:
@@ -16,7 +17,7 @@ def solid(seed: int) -> tuple[Field, tuple[float, float, float]]:
     curl = float(rng.uniform(0.055, 0.075))
     chips = rng.uniform((-0.45, -0.45, 0.6), (0.45, 0.45, 0.9), (5, 3))
 
-    def field(xyz: Points) -> Values:
+    def field(xyz: Floats) -> Floats:
         x, y, z = xyz.T
         r, angle = np.hypot(x, y), np.arctan2(y, x)
         stone = join(_shaft(r, angle, z, flutes), _bell(r, z))
@@ -31,13 +32,13 @@ def solid(seed: int) -> tuple[Field, tuple[float, float, float]]:
     return field, (0.56, 0.56, 0.92)
 
 
-def _sector(angle: Values, count: int, phase: float) -> Values:
+def _sector(angle: Floats, count: int, phase: float) -> Floats:
     """Angle from the middle of the nearest of `count` leaves."""
     turn = angle * np.float32(count / (2 * np.pi)) + np.float32(phase)
     return ((turn - np.round(turn)) * np.float32(2 * np.pi / count)).astype(np.float32)
 
 
-def _shaft(r: Values, angle: Values, z: Values, flutes: int) -> Values:
+def _shaft(r: Floats, angle: Floats, z: Floats, flutes: int) -> Floats:
     groove = 0.018 * np.abs(np.sin(angle * flutes / 2)) * ((z > 0.09) & (z < 0.2))
     profile = [
         (0.0, 0.33),
@@ -51,11 +52,11 @@ def _shaft(r: Values, angle: Values, z: Values, flutes: int) -> Values:
     return turned(r - (groove - 0.009).astype(np.float32), z, profile)
 
 
-def _bell(r: Values, z: Values) -> Values:
+def _bell(r: Floats, z: Floats) -> Floats:
     return turned(r, z, [(0.2, 0.23), (0.5, 0.23), (0.68, 0.3), (0.74, 0.36), (0.76, 0.3)])
 
 
-def _leaf(r: Values, sector: Values, z: Values, foot: float, tall: float, curl: float) -> Values:
+def _leaf(r: Floats, sector: Floats, z: Floats, foot: float, tall: float, curl: float) -> Floats:
     """A leaf: a bent sheet that leaves the bell, overhangs and has a rib and lobed edges."""
     up = np.clip((z - foot + 0.06) / tall, 0, 1.25)
     across = sector * r
@@ -71,7 +72,7 @@ def _leaf(r: Values, sector: Values, z: Values, foot: float, tall: float, curl: 
     return join(body.astype(np.float32), tip.astype(np.float32), 0.02)
 
 
-def _slab(xyz: Points) -> Values:
+def _slab(xyz: Floats) -> Floats:
     slab = box(xyz, (0, 0, 0.795), (0.42, 0.42, 0.05), 0.008)
     groove = box(xyz, (0, 0, 0.79), (0.5, 0.5, 0.006))
     for x, y in ((1.32, 0), (-1.32, 0), (0, 1.32), (0, -1.32)):
@@ -80,7 +81,7 @@ def _slab(xyz: Points) -> Values:
     return carve(slab, carve(groove, inner - 0.06), 0.003)
 
 
-def _volutes(xyz: Points) -> Values:
+def _volutes(xyz: Floats) -> Floats:
     """Scrolls under the slab's four corners."""
     x, y, z = np.abs(xyz[:, 0]), np.abs(xyz[:, 1]), xyz[:, 2]
     along, across = (x + y) / np.sqrt(2) - 0.47, (x - y) / np.sqrt(2)

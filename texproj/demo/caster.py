@@ -9,9 +9,8 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
+from texproj.arrays import Floats
 from texproj.mesh import Mesh
-
-Floats = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)

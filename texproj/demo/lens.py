@@ -6,12 +6,10 @@ from functools import lru_cache
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import RectBivariateSpline
 
+from texproj.arrays import Floats
 from texproj.camera import Intrinsics
-
-Floats = NDArray[np.float32]
 
 NODE_STEP = 12.0
 """Pixels between the nodes where the lens model is inverted; between them bicubic splines,

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from texproj.arrays import Floats
 from texproj.demo.caster import Caster
-
-Floats = NDArray[np.float32]
 
 LIFT = 2e-4
 """Metres by which rays start above the surface, against hitting it at once."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Floats
 from texproj.camera import Camera
 from texproj.demo.jpeg import Exif, focal_px_of_exif, jpeg
 from texproj.demo.light import Lighting, unit
@@ -21,8 +22,6 @@ from texproj.mesh import Mesh, vertex_normals
 from texproj.options import DemoOptions
 from texproj.photo import Correspondences
 from texproj.records import CameraRecord
-
-Floats = NDArray[np.float32]
 
 FOOTPRINT_SAMPLES = 12
 """Points over which a footprint is averaged."""

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from scipy import fft
 from scipy.ndimage import map_coordinates
 
-Points = NDArray[np.float32]
-Values = NDArray[np.float32]
+from texproj.arrays import Floats
 
 CELLS = 96
 """Side of the periodic cube that holds one field; 3.5 MB as float32."""
@@ -34,7 +33,7 @@ def _cube(seed: int, slope: float) -> NDArray[np.float32]:
     return cube
 
 
-def noise(xyz: Points, period: float, seed: int, slope: float = 1.8) -> Values:
+def noise(xyz: Floats, period: float, seed: int, slope: float = 1.8) -> Floats:
     """(n,) smooth noise of mean 0 and deviation 1 at (n, 3) points.
 
     period: distance after which the field repeats, in the unit of the points; detail goes down

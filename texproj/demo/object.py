@@ -12,9 +12,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Floats
 from texproj.demo import capital, stele
 from texproj.demo.noise import noise
-from texproj.demo.shapes import Field, Points, Values
+from texproj.demo.shapes import Field
 from texproj.demo.surface import surface
 from texproj.mesh import Mesh, vertex_normals
 
@@ -39,7 +40,7 @@ def piece(kind: Kind = "stele", seed: int = 0) -> Piece:
     solid, size = _SOLIDS[kind](seed)
     x, y, z = size
 
-    def worn(xyz: Points) -> Values:
+    def worn(xyz: Floats) -> Floats:
         return solid(xyz) + 0.0022 * noise(xyz, 0.7, seed + 11, 2.2)
 
     return Piece(worn, np.array([[-x, -y, -0.03], [x, y, z]]))

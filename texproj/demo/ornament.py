@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float32]
+from texproj.arrays import Floats
 
 SCALE = 1000
 """Pixels per metre of a relief."""

@@ -6,12 +6,11 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from texproj.arrays import Floats
 from texproj.demo.noise import noise
 
-Floats = NDArray[np.float32]
 Pattern = Callable[[Floats], Floats]
 """(n, 3) float32 points of the local frame, metres, to (n, 3) float32 linear albedo in 0..1."""
 

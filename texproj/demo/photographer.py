@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from texproj.arrays import Floats
 from texproj.camera import Camera
 from texproj.demo import backdrop, lens
 from texproj.demo.caster import Caster
@@ -20,8 +21,6 @@ from texproj.demo.pattern import Pattern
 from texproj.demo.sensor import Sensor, defocused, developed
 from texproj.demo.visitor import in_front
 from texproj.mesh import Mesh, vertex_normals
-
-Floats = NDArray[np.float32]
 
 CHUNK = 1 << 15
 """Rays at a time, so that intermediate values stay in the processor's cache."""

@@ -8,9 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Floats
 from texproj.photo import srgb_from_linear
-
-Floats = NDArray[np.float32]
 
 
 @dataclass(frozen=True)

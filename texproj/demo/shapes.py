@@ -10,14 +10,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Points = NDArray[np.float32]
-Values = NDArray[np.float32]
-Field = Callable[[Points], Values]
+from texproj.arrays import Floats
+
+Field = Callable[[Floats], Floats]
 
 
-def box(xyz: Points, center: ArrayLike, half: ArrayLike, round_by: float = 0.0) -> Values:
+def box(xyz: Floats, center: ArrayLike, half: ArrayLike, round_by: float = 0.0) -> Floats:
     """A box with edges rounded by a radius."""
     c, h = np.asarray(center, np.float32), np.asarray(half, np.float32) - np.float32(round_by)
     x, y, z = (np.abs(xyz[:, k] - c[k]) - h[k] for k in range(3))
@@ -26,21 +26,21 @@ def box(xyz: Points, center: ArrayLike, half: ArrayLike, round_by: float = 0.0) 
     return np.sqrt(outside) + inside - np.float32(round_by)
 
 
-def sphere(xyz: Points, center: ArrayLike, radius: float) -> Values:
+def sphere(xyz: Floats, center: ArrayLike, radius: float) -> Floats:
     """A ball."""
     c = np.asarray(center, np.float32)
     x, y, z = (xyz[:, k] - c[k] for k in range(3))
     return np.sqrt(x * x + y * y + z * z) - np.float32(radius)
 
 
-def extruded(profile: Values, along: Values, half: float) -> Values:
+def extruded(profile: Floats, along: Floats, half: float) -> Floats:
     """A plane figure given by its distances, extruded to +-half along the third axis."""
     other = np.abs(along) - np.float32(half)
     outside = np.hypot(np.maximum(profile, 0), np.maximum(other, 0))
     return outside + np.minimum(np.maximum(profile, other), 0)
 
 
-def turned(radius: Values, height: Values, profile: ArrayLike) -> Values:
+def turned(radius: Floats, height: Floats, profile: ArrayLike) -> Floats:
     """A solid of revolution: profile is (k, 2) of height and radius, joined by lines.
 
     radius: (n,) distance from the axis; height: (n,) along it. The slope of the profile
@@ -52,7 +52,7 @@ def turned(radius: Values, height: Values, profile: ArrayLike) -> Values:
     return np.maximum((radius - wanted) * np.float32(0.7), ends).astype(np.float32)
 
 
-def join(a: Values, b: Values, blend: float = 0.0) -> Values:
+def join(a: Floats, b: Floats, blend: float = 0.0) -> Floats:
     """Union; the seam is filled over the distance `blend`."""
     if not blend:
         return np.minimum(a, b)
@@ -60,6 +60,6 @@ def join(a: Values, b: Values, blend: float = 0.0) -> Values:
     return np.minimum(a, b) - overlap**2 * np.float32(blend / 4)
 
 
-def carve(a: Values, tool: Values, blend: float = 0.0) -> Values:
+def carve(a: Floats, tool: Floats, blend: float = 0.0) -> Floats:
     """What is left of `a` after cutting `tool` away; the cut's edge is worn over `blend`."""
     return -join(-a, tool, blend)

@@ -8,18 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from texproj.arrays import Floats
 from texproj.demo import ornament
-from texproj.demo.shapes import (
-    Field,
-    Points,
-    Values,
-    box,
-    carve,
-    extruded,
-    join,
-    sphere,
-    turned,
-)
+from texproj.demo.shapes import Field, box, carve, extruded, join, sphere, turned
 
 
 @dataclass(frozen=True)
@@ -66,7 +57,7 @@ def solid(seed: int) -> tuple[Field, tuple[float, float, float]]:
     plan = _plan(seed)
     front, back, side = _front(plan, seed), _back(plan, seed), _side(plan)
 
-    def field(xyz: Points) -> Values:
+    def field(xyz: Floats) -> Floats:
         x, y, z = xyz.T
         ornaments = _faces(xyz, plan, front, back, side)
         stone = join(_mass(xyz, plan) - ornaments, _cornice(xyz, plan))
@@ -79,7 +70,7 @@ def solid(seed: int) -> tuple[Field, tuple[float, float, float]]:
     return field, (plan.half_width + 0.16, plan.half_depth + 0.16, TOP + 0.09)
 
 
-def _mass(xyz: Points, plan: _Plan) -> Values:
+def _mass(xyz: Floats, plan: _Plan) -> Floats:
     w, d = plan.half_width, plan.half_depth
     middle = (BODY[0] + BODY[1]) / 2
     body = box(xyz, (0, 0, middle), (w, d, (BODY[1] - BODY[0]) / 2), 0.008)
@@ -88,7 +79,7 @@ def _mass(xyz: Points, plan: _Plan) -> Values:
     return join(join(body, step, 0.01), plinth, 0.006)
 
 
-def _cornice(xyz: Points, plan: _Plan) -> Values:
+def _cornice(xyz: Floats, plan: _Plan) -> Floats:
     w, d = plan.half_width, plan.half_depth
     lower = box(xyz, (0, 0, 0.955), (w + 0.03, d + 0.03, 0.018), 0.012)
     upper = box(xyz, (0, 0, 1.02), (w + 0.1, d + 0.09, 0.022), 0.008)
@@ -100,13 +91,13 @@ def _cornice(xyz: Points, plan: _Plan) -> Values:
     return join(join(lower, upper), np.maximum(teeth, inside))
 
 
-def _gable(x: Values, y: Values, z: Values, plan: _Plan) -> Values:
+def _gable(x: Floats, y: Floats, z: Floats, plan: _Plan) -> Floats:
     half, rise = plan.half_width + 0.085, TOP - 1.04
     slope = np.float32(np.hypot(half, rise))
     roof = np.abs(x) * np.float32(rise) + (z - np.float32(1.04 + rise)) * np.float32(half)
-    triangle: Values = np.maximum(roof / slope, np.float32(1.035) - z)
+    triangle: Floats = np.maximum(roof / slope, np.float32(1.035) - z)
     whole = extruded(triangle, y, plan.half_depth + 0.07)
-    beyond: Values = np.abs(y) - np.float32(plan.half_depth + 0.075)
+    beyond: Floats = np.abs(y) - np.float32(plan.half_depth + 0.075)
     field = extruded(triangle + np.float32(0.045), beyond, 0.03)
     boss = turned(
         np.hypot(x, z - 1.135), -y,
@@ -118,17 +109,17 @@ def _gable(x: Values, y: Values, z: Values, plan: _Plan) -> Values:
     return join(join(carve(whole, field, 0.004), boss), join(knobs, crown), 0.015)
 
 
-def _arch(x: Values, z: Values, plan: _Plan) -> Values:
+def _arch(x: Floats, z: Floats, plan: _Plan) -> Floats:
     """Distance of a wall's points from the outline of the niche, negative inside of it."""
     rounded = np.hypot(x, np.maximum(z - SPRING, 0)) - np.float32(plan.arch)
     return np.maximum(rounded, SILL - z)
 
 
-def _niche(x: Values, y: Values, z: Values, plan: _Plan) -> Values:
+def _niche(x: Floats, y: Floats, z: Floats, plan: _Plan) -> Floats:
     return extruded(_arch(x, z, plan), y + plan.half_depth, plan.half_depth + 0.1)
 
 
-def _archivolt(x: Values, y: Values, z: Values, plan: _Plan) -> Values:
+def _archivolt(x: Floats, y: Floats, z: Floats, plan: _Plan) -> Floats:
     ring = np.maximum(np.abs(_arch(x, z, plan) - 0.022) - 0.02, SILL - z)
     angle = np.arctan2(x, np.maximum(z - SPRING, 1e-3))
     joints = (np.abs(np.sin(angle * 7.5)) < 0.09) & (z > SPRING)
@@ -136,14 +127,14 @@ def _archivolt(x: Values, y: Values, z: Values, plan: _Plan) -> Values:
     return extruded(ring + groove, y + plan.half_depth, 0.022)
 
 
-def _columns(x: Values, y: Values, z: Values, plan: _Plan) -> Values:
+def _columns(x: Floats, y: Floats, z: Floats, plan: _Plan) -> Floats:
     middle = _column(x, y + plan.half_depth - 0.055, z, plan, 0.042)
     across = np.abs(x) - np.float32(plan.half_width - 0.065)
     sides = _column(across, y + plan.half_depth + 0.012, z, plan, 0.036)
     return join(middle, sides)
 
 
-def _column(x: Values, y: Values, z: Values, plan: _Plan, radius: float) -> Values:
+def _column(x: Floats, y: Floats, z: Floats, plan: _Plan, radius: float) -> Floats:
     """A fluted shaft with base and capital; it reaches into the stone at both ends."""
     angle = np.arctan2(y, x)
     top = SPRING + plan.arch if radius > 0.04 else BODY[1] - 0.02
@@ -184,8 +175,8 @@ def _side(plan: _Plan) -> ornament.Relief:
 
 
 def _faces(
-    xyz: Points, plan: _Plan, front: ornament.Relief, back: ornament.Relief, side: ornament.Relief
-) -> Values:
+    xyz: Floats, plan: _Plan, front: ornament.Relief, back: ornament.Relief, side: ornament.Relief
+) -> Floats:
     """Height of all reliefs: each is felt only near the face that it is cut into."""
     x, y, z = xyz.T
     near = np.float32(0.03)
@@ -197,7 +188,7 @@ def _faces(
     return np.where(on_side, side.at(y, z - 0.55), height).astype(np.float32)
 
 
-def _damaged(stone: Values, xyz: Points, plan: _Plan) -> Values:
+def _damaged(stone: Floats, xyz: Floats, plan: _Plan) -> Floats:
     for x, y, z, radius in plan.damage:
         stone = carve(stone, sphere(xyz, (x * 1.08, y * 1.08, z), radius), 0.012)
     return stone

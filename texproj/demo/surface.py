@@ -8,10 +8,9 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 from skimage.measure import marching_cubes
 
+from texproj.arrays import Floats
 from texproj.demo.shapes import Field
 from texproj.mesh import Mesh
-
-Floats = NDArray[np.float32]
 
 BLOCK = 8
 """Cells along a block's side: fields are evaluated only in blocks that the surface may cross."""

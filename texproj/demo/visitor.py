@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float32]
+from texproj.arrays import Floats
 
 COAT, SKIN, HAIR = (0.30, 0.05, 0.06), (0.50, 0.30, 0.20), (0.05, 0.03, 0.02)
 

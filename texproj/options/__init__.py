@@ -4,7 +4,7 @@ Command-line flags and project.toml are made from these classes; a flag override
 which overrides the default here.
 """
 
-from texproj.options.base import options_from
+from texproj.options.base import is_expert, options_from
 from texproj.options.color import ColorOptions, OutputOptions, PatchOptions, UnwrapOptions
 from texproj.options.register import (
     MapName,
@@ -32,5 +32,6 @@ __all__ = [
     "SilhouetteOptions",
     "StructureOptions",
     "UnwrapOptions",
+    "is_expert",
     "options_from",
 ]

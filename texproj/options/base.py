@@ -12,8 +12,16 @@ from texproj.errors import UsageError, nearest_name
 STRICT = ConfigDict(extra="forbid", use_attribute_docstrings=True)
 T = TypeVar("T")
 
+EXPERT = object()
+"""Marks an option that only a benchmark or an unusual case sets: project.toml takes it, no flag."""
+
 Positive = Annotated[float, Field(gt=0)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
+
+
+def is_expert(cls: type, name: str) -> bool:
+    """Whether an option of `cls` is for experts."""
+    return EXPERT in vars(cls)["__pydantic_fields__"][name].metadata
 
 
 def options_from(cls: type[T], values: dict[str, Any], where: str) -> T:

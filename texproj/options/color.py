@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from texproj.options.base import STRICT, Fraction, Positive
+from texproj.options.base import EXPERT, STRICT, Fraction, Positive
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -18,35 +18,17 @@ class ColorOptions:
     """One color per vertex of the mesh, a texture blended from all photos, or a texture of patches
     cut from single photos."""
 
-    depth_scale: Annotated[float, Field(gt=0, le=1)] = 0.5
-    """Size of the depth image that decides what a photo sees, as a part of the photo's size."""
-
-    min_cos_angle: Annotated[float, Field(gt=0, lt=1)] = 0.05
-    """Surface turned away from the camera further than this cosine gets no color from it."""
-
-    angle_power: Annotated[float, Field(ge=0)] = 1.0
+    angle_power: Annotated[float, Field(ge=0), EXPERT] = 1.0
     """How strongly a frontal view is preferred; 0 = not at all."""
 
-    density_power: Annotated[float, Field(ge=0)] = 1.0
+    density_power: Annotated[float, Field(ge=0), EXPERT] = 1.0
     """How strongly a view with more pixels on the surface is preferred; 0 = not at all."""
-
-    border_feather: Annotated[float, Field(ge=0, le=1)] = 0.03
-    """Width of the ramp at a photo's border, as a part of its diagonal."""
-
-    silhouette_feather: Annotated[float, Field(ge=0, le=1)] = 0.005
-    """Width of the ramp beside depth discontinuities, as a part of the photo's diagonal."""
 
     mask_erode: Annotated[float, Field(ge=0, le=0.5)] = 0.0
     """How far masks are grown before they count, as a part of the photo's diagonal."""
 
-    mask_feather: Annotated[float, Field(ge=0, le=1)] = 0.003
-    """Width of the ramp beside a mask, as a part of the photo's diagonal."""
-
-    clipped_weight: Fraction = 0.2
+    clipped_weight: Annotated[Fraction, EXPERT] = 0.2
     """Weight of samples where the photo is over-exposed; 1 = as good as any."""
-
-    dark_weight: Fraction = 0.2
-    """Weight of samples where the photo is hardly above black; 1 = as good as any."""
 
     focus_power: Annotated[float, Field(ge=0, le=8)] = 2.0
     """How strongly blurred parts of photos are distrusted: the power of their energy of fine detail
@@ -74,7 +56,7 @@ class ColorOptions:
     photos agree on it; "mean": the plain weighted average; "best": one photo, the best of those
     that agree."""
 
-    robust_scale: Positive = 0.1
+    robust_scale: Annotated[Positive, EXPERT] = 0.1
     """Difference from the other photos (square root of linear light, 1 = white) at which a sample
     counts half."""
 
@@ -103,11 +85,6 @@ class UnwrapOptions:
     """Most pages; the resolution is lowered where that many are not enough."""
     padding_px: Annotated[int, Field(ge=1, le=64)] = 4
     """Empty texels between two charts, filled later so that filtering does not mix them."""
-    flatness: Annotated[float, Field(gt=0.5, lt=1)] = 0.93
-    """How flat a chart must be: the least length of its mean normal. Lower: fewer charts, more
-    stretch."""
-    steepest_deg: Annotated[float, Field(gt=30, lt=85)] = 75.0
-    """Largest angle between a face and the plane of its chart."""
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -118,26 +95,13 @@ class PatchOptions:
     """What a seam costs: as much as a strip of so many pixels in a photo that is plainly wrong;
     half of it where all photos agree, several times where they do not."""
 
-    resolution: Annotated[float, Field(ge=0, le=10)] = 0.02
+    resolution: Annotated[float, Field(ge=0, le=10), EXPERT] = 0.02
     """What it costs to halve the number of pixels on the surface; 1 = as much as a wrong photo."""
 
-    margin: Annotated[float, Field(ge=0, le=10)] = 0.3
-    """What it costs to use the very border of a photo, or the edge of something in front."""
-
-    consensus_scale: Positive = 0.03
-    """Difference from what all photos agree on (square root of linear light, 1 = white) that costs
-    half as much as a wrong photo."""
-
-    outlier: Positive = 3.0
-    """Beyond so many times that difference a photo is not used, if at least three others agree."""
-
-    candidates: Annotated[int, Field(ge=1, le=64)] = 10
-    """Most photos that a face can choose from."""
-
-    smallest_px: Annotated[float, Field(ge=0)] = 200.0
+    smallest_px: Annotated[float, Field(ge=0), EXPERT] = 200.0
     """Patches of fewer pixels join their neighbors where those may show them."""
 
-    strip_px: Annotated[float, Field(gt=0, le=1000)] = 16.0
+    strip_px: Annotated[float, Field(gt=0, le=1000), EXPERT] = 16.0
     """Width on either side of a seam in which the two photos fade into each other."""
 
     level_px: Annotated[float, Field(ge=0, le=10000)] = 20.0

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from texproj.options.base import STRICT
+from texproj.options.base import EXPERT, STRICT
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -28,10 +28,10 @@ class PreviewOptions:
     port: Annotated[int, Field(ge=0, le=65535)] = 8765
     """Port to listen on; 0 = any free one."""
 
-    light_faces: Annotated[int, Field(ge=1000)] = 30_000
+    light_faces: Annotated[int, Field(ge=1000), EXPERT] = 30_000
     """Meshes of more faces are shown with about so many while the view moves."""
 
-    max_request_bytes: Annotated[int, Field(ge=1000)] = 1_000_000
+    max_request_bytes: Annotated[int, Field(ge=1000), EXPERT] = 1_000_000
     """Longest request that is read."""
 
 

@@ -18,7 +18,7 @@ from texproj.preview.photos import camera_facts
 from texproj.preview.picks import numbers
 from texproj.preview.surface import Hit, Surface
 from texproj.project import Project
-from texproj.register.points import register_points
+from texproj.register.picks.register import register_points
 from texproj.solve.matching import match_patches
 from texproj.solve.orientation import photo_field, render_field
 from texproj.stages.entries import start_of
@@ -56,7 +56,7 @@ def fit_picks(project: Project, name: str, picks: Correspondences) -> dict[str, 
     start = start_of(project.load_cameras().get(name))
     prior = start.intrinsics if start else None
     pose = start.pose if start else None
-    options = project.settings.options("points")
+    options = project.settings.points
     fit = register_points(project.photo_info(name), picks, prior, options, pose)
     projected, _ = fit.camera.project(picks.xyz_in_world)
     return {

@@ -6,17 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.camera import Camera
-from texproj.color.points import VertexPoints
-from texproj.color.prepare import photo_view
-from texproj.color.sample import sample
-from texproj.color.sight import sight_of
+from texproj.color.points.source import VertexPoints
+from texproj.color.sampling.prepare import photo_view
+from texproj.color.sampling.sample import sample
+from texproj.color.weights.surface import sight_of
 from texproj.photo import Photo
 from texproj.stages.bench import Workbench
 
 
 def vertex_weights(bench: Workbench, photo: Photo, camera: Camera) -> NDArray[np.float32]:
     """(V,) product of the weight factors of one photo, 0 = unseen."""
-    options = bench.project.settings.options("color")
+    options = bench.project.settings.color
     view = photo_view(photo, camera, bench.scene, options)
     points = VertexPoints.of(bench.mesh)
     sight = sight_of(points.owners, view.camera, view.depth_camera, len(view.levels), options)

@@ -73,8 +73,8 @@ STAGES = {
 
 def by_points(project: Project) -> Project:
     """The project with the settings that register from picks."""
-    options = replace(project.settings.options("register"), method="points")
-    return project.with_settings(project.settings.with_options("register", options))
+    options = replace(project.settings.register, method="points")
+    return project.with_settings(replace(project.settings, register=options))
 
 
 async def layer_values(session: Session, layer: str, photo: str) -> NDArray[np.float32]:

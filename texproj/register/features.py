@@ -14,15 +14,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Doubles
 from texproj.camera import Camera, Intrinsics
 from texproj.errors import RegistrationError
 from texproj.options import PointsOptions
 from texproj.photo import Correspondences, PhotoInfo
 from texproj.records import Fit
-from texproj.register.points import register_points
+from texproj.register.picks.register import register_points
 from texproj.solve.features import Features, match_features
-
-Array = NDArray[np.float64]
 
 MOST_PAIRS = 600
 LEAST_INLIERS = 20
@@ -51,7 +50,7 @@ def register_features(
     known: Sequence[Known],
     prior: Intrinsics | None,
     options: PointsOptions | None = None,
-    surface: Array | None = None,
+    surface: Doubles | None = None,
 ) -> Fit:
     """The camera of a photo from its features (full-size pixels) in photos that are `known`.
 
@@ -73,7 +72,7 @@ def register_features(
     return _judged(fit, known)
 
 
-def surface_points(known: Known) -> tuple[NDArray[np.intp], Array]:
+def surface_points(known: Known) -> tuple[NDArray[np.intp], Doubles]:
     """Numbers of the features that lie on smooth surface, and their (n, 3) world points."""
     kernel = np.ones((5, 5), np.uint8)
     near, far = cv2.erode(known.depth, kernel), cv2.dilate(known.depth, kernel)

@@ -11,6 +11,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Floats
 from texproj.camera import Camera
 from texproj.errors import RenderError
 from texproj.mesh import Mesh
@@ -21,7 +22,6 @@ from texproj.render.lens import fills_photo, ideal_grid
 from texproj.render.shaders import BINDINGS, Program
 from texproj.render.surface import Surface
 from texproj.render.target import Target, Tile, drawing, tiles
-from texproj.render.tessellation import Floats
 
 TILE_PX = 4096
 """Largest side of what is drawn at once: bounds the card's memory to about 0.5 GB."""

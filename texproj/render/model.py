@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Bytes, Floats
 from texproj.camera import Camera
 from texproj.mesh import ColoredMesh, Mesh, TexturedMesh, face_cross
 from texproj.photo import linear_from_srgb, srgb_from_linear
@@ -17,9 +18,6 @@ from texproj.render.gbuffer import GBuffer
 from texproj.render.interface import Renderer
 from texproj.render.lens import ideal_grid
 from texproj.render.surface import Hits, Surface, hits_on_faces, values_at_hits
-from texproj.render.tessellation import Floats
-
-Bytes = NDArray[np.uint8]
 
 NO_TEXTURE = 0.2
 """Linear grey of faces without texture."""

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from texproj.arrays import Floats
 from texproj.mesh import Mesh
 from texproj.render.rays import CHUNK, RayCaster
 from texproj.render.surface import Surface
-from texproj.render.tessellation import Floats
 
 LIFT = 1e-4
 """How far rays start above the surface, as a part of the diagonal: far above float32 rounding

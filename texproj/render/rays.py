@@ -10,12 +10,12 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
+from texproj.arrays import Floats
 from texproj.camera import Camera
 from texproj.mesh import Mesh
 from texproj.render.gbuffer import GBuffer, checked_channels
 from texproj.render.lens import ideal_grid
 from texproj.render.surface import Hits, Surface, images_of_hits
-from texproj.render.tessellation import Floats
 
 CHUNK = 1 << 19
 """Rays cast at a time; bounds memory to about 100 MB."""

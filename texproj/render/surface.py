@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Floats
 from texproj.camera import Camera
 from texproj.mesh import Mesh, vertex_normals
-from texproj.render.tessellation import Floats, Viewpoint
+from texproj.render.tessellation import Viewpoint
 
 NEAR_OF_FAR = 1e-3
 """Nearest depth that is drawn, as a part of the farthest, where the mesh reaches behind the camera.

@@ -8,10 +8,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Floats
+
 MAX_ROUNDS = 12
 """Each round halves what is too long; twelve are enough for a face as large as 4000 pixels."""
 
-Floats = NDArray[np.float32]
 Integers = NDArray[np.int32]
 
 

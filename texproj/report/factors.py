@@ -8,10 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Bytes
 from texproj.photo import Photo
 from texproj.report.pictures import encoded
-
-Image = NDArray[np.uint8]
 
 COLUMNS = 3
 TILE_PX = 520
@@ -22,7 +21,7 @@ PHOTO_LEFT = 0.25
 """Part of the photo's gray that shines through a factor's color."""
 
 
-def factor_image(values: NDArray[np.float32]) -> Image:
+def factor_image(values: NDArray[np.float32]) -> Bytes:
     """(h, w, 2) uint8 gray and alpha of a factor 0..1 that is nan where the mesh is not."""
     on_mesh = np.isfinite(values)
     gray = np.round(np.clip(np.where(on_mesh, values, 0), 0, 1) * 255)
@@ -31,7 +30,7 @@ def factor_image(values: NDArray[np.float32]) -> Image:
 
 def factor_sheet(
     photo: Photo, factors: Mapping[str, NDArray[np.float32]], captions: Mapping[str, str]
-) -> Image:
+) -> Bytes:
     """(h, w, 3) uint8: the photo, and each factor in colors over it, with its mean."""
     picture = encoded(photo)
     scale = min(1.0, TILE_PX / max(picture.shape[:2]))
@@ -48,7 +47,7 @@ def factor_sheet(
     return np.pad(sheet, ((GAP_PX, 0), (GAP_PX, 0), (0, 0)), constant_values=PAPER)
 
 
-def _colored(picture: Image, values: NDArray[np.float32]) -> Image:
+def _colored(picture: Bytes, values: NDArray[np.float32]) -> Bytes:
     """The values' colors over the photo in gray; outside of the mesh the dimmed photo."""
     size = (picture.shape[1], picture.shape[0])
     on_mesh = (
@@ -60,13 +59,13 @@ def _colored(picture: Image, values: NDArray[np.float32]) -> Image:
     return np.where(on_mesh[..., None], light, 160 + gray * 0.3).astype(np.uint8)
 
 
-def _ramp(values: NDArray[np.float32]) -> Image:
+def _ramp(values: NDArray[np.float32]) -> Bytes:
     """(h, w, 3) uint8 RGB of values 0..1, dark blue to yellow."""
     index = np.round(np.clip(values, 0, 1) * 255).astype(np.uint8)
     return cv2.cvtColor(cv2.applyColorMap(index, cv2.COLORMAP_VIRIDIS), cv2.COLOR_BGR2RGB)
 
 
-def _tile(picture: Image, title: str, caption: str) -> Image:
+def _tile(picture: Bytes, title: str, caption: str) -> Bytes:
     """A picture with two lines below, and a margin at the right."""
     height, width = picture.shape[:2]
     out = np.full((height + CAPTION_PX + GAP_PX, width + GAP_PX, 3), PAPER, np.uint8)
@@ -76,7 +75,7 @@ def _tile(picture: Image, title: str, caption: str) -> Image:
     return out
 
 
-def _legend(width: int) -> Image:
+def _legend(width: int) -> Bytes:
     out = np.full((40, width, 3), PAPER, np.uint8)
     out[4:16, :256] = _ramp(np.linspace(0, 1, 256, dtype=np.float32)[None])
     _write(out, "0 counts nothing", (0, 34), 0.45, SOFT_INK)
@@ -85,7 +84,7 @@ def _legend(width: int) -> Image:
 
 
 def _write(
-    image: Image, text: str, at: tuple[int, int], scale: float, ink: tuple[int, ...]
+    image: Bytes, text: str, at: tuple[int, int], scale: float, ink: tuple[int, ...]
 ) -> None:
     plain = text.encode("ascii", "replace").decode()  # what the built-in font can draw
     cv2.putText(image, plain, at, cv2.FONT_HERSHEY_SIMPLEX, scale, ink, 1, cv2.LINE_AA)

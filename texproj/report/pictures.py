@@ -8,12 +8,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Bytes
 from texproj.camera import Camera, Intrinsics, Pose
 from texproj.mesh import Mesh
 from texproj.photo import Correspondences, Photo, srgb_from_linear
 from texproj.render import GBuffer
-
-Image = NDArray[np.uint8]
 
 OVERLAY_LONGEST = 800
 """Longer side of a photo in the report, pixels."""
@@ -39,7 +38,7 @@ PICK_COLOR = (80, 255, 80)
 OUTLIER_COLOR = (255, 60, 60)
 
 
-def overlay(photo: Photo, gbuffer: GBuffer) -> Image:
+def overlay(photo: Photo, gbuffer: GBuffer) -> Bytes:
     """(h, w, 3) uint8: the photo with the edges of the mesh as its camera sees them.
 
     gbuffer: depth and normals rendered at the photo's size. Where the lines follow the picture,
@@ -51,7 +50,7 @@ def overlay(photo: Photo, gbuffer: GBuffer) -> Image:
     return picture
 
 
-def mesh_edges(gbuffer: GBuffer) -> Image:
+def mesh_edges(gbuffer: GBuffer) -> Bytes:
     """(h, w) uint8: 1 on silhouettes and creases."""
     assert gbuffer.depth is not None and gbuffer.normal_in_cam is not None
     depth, normal = gbuffer.depth, gbuffer.normal_in_cam
@@ -75,8 +74,8 @@ def _neighbors(image: NDArray[np.float32], axis: int) -> tuple[NDArray[np.float3
 
 
 def draw_picks(
-    picture: Image, camera: Camera, picks: Correspondences, outliers: Sequence[str]
-) -> Image:
+    picture: Bytes, camera: Camera, picks: Correspondences, outliers: Sequence[str]
+) -> Bytes:
     """The picture with each pick as a circle and its residual, magnified, as a line.
 
     camera: for the full-size photo that `picture` shows reduced.
@@ -97,14 +96,14 @@ def draw_picks(
     return picture
 
 
-def encoded(photo: Photo) -> Image:
+def encoded(photo: Photo) -> Bytes:
     """(h, w, 3) uint8 sRGB of a photo, its own copy."""
     if photo.encoding == "srgb":
         return photo.pixels.astype(np.uint8)
     return np.round(srgb_from_linear(photo.pixels) * 255).astype(np.uint8)
 
 
-def on_paper(picture: Image) -> Image:
+def on_paper(picture: Bytes) -> Bytes:
     """(h, w, 3) of a (h, w, 4) picture, on light gray where it is transparent."""
     alpha = picture[..., 3:].astype(np.float32) / 255
     return np.round(picture[..., :3] * alpha + PAPER * (1 - alpha)).astype(np.uint8)

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from texproj.arrays import Doubles
 from texproj.camera import Camera, Intrinsics
 from texproj.solve.reprojection import projection_jacobian
 
-Array = NDArray[np.float64]
 Cameras = tuple[Camera, ...]
 
 
@@ -30,11 +30,11 @@ class Ties:
 
     to: NDArray[np.intp]
     source: NDArray[np.intp]
-    to_px: Array
-    ideal_in_source: Array
-    focal_in_source: Array
-    point: Array
-    normal: Array
+    to_px: Doubles
+    ideal_in_source: Doubles
+    focal_in_source: Doubles
+    point: Doubles
+    normal: Doubles
 
     def __len__(self) -> int:
         return len(self.to)
@@ -59,9 +59,9 @@ class Anchors:
     """
 
     camera: NDArray[np.intp]
-    point: Array
-    px: Array
-    sigma_px: Array
+    point: Doubles
+    px: Doubles
+    sigma_px: Doubles
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ class Lenses:
     """
 
     group: NDArray[np.intp]
-    log_focal: Array
+    log_focal: Doubles
     sigma: float
     free: NDArray[np.bool_]
 
@@ -88,10 +88,10 @@ class JointPoses:
     ties: Ties
     anchors: Anchors
     lenses: Lenses
-    sigma_px: Array
+    sigma_px: Doubles
     fixed: NDArray[np.bool_]
 
-    def residual(self, cameras: Cameras) -> Array:
+    def residual(self, cameras: Cameras) -> Doubles:
         """(n, 2) seen minus measured position in camera i, over sigma; NaN where not seen."""
         xyz = self.points(cameras)
         out = np.full((len(self.ties), 2), np.nan)
@@ -100,7 +100,7 @@ class JointPoses:
             out[rows] = cameras[i].project(xyz[rows])[0] - self.ties.to_px[rows]
         return out / self.sigma_px[self.ties.to, None]
 
-    def points(self, cameras: Cameras) -> Array:
+    def points(self, cameras: Cameras) -> Doubles:
         """(n, 3) where the ties' rays meet the surface, world."""
         out = np.empty((len(self.ties), 3))
         for j in np.unique(self.ties.source):
@@ -124,7 +124,7 @@ class JointPoses:
         weight = np.repeat(1 / self.sigma_px[self.ties.to], 2)
         return sparse.csr_matrix(sparse.diags(weight) @ whole)
 
-    def step(self, cameras: Cameras, delta: Array) -> Cameras:
+    def step(self, cameras: Cameras, delta: Doubles) -> Cameras:
         """Each pose moved by its six numbers, each focal length scaled."""
         count = len(cameras)
         moves, scale = delta[: 6 * count].reshape(-1, 6), np.exp(np.clip(delta[6 * count :], -1, 1))
@@ -136,7 +136,7 @@ class JointPoses:
             for k, c in enumerate(cameras)
         )
 
-    def prior(self, cameras: Cameras) -> tuple[Array, sparse.csr_matrix]:
+    def prior(self, cameras: Cameras) -> tuple[Doubles, sparse.csr_matrix]:
         """The anchors, what is known of the focal lengths, and a unit hold on what is fixed."""
         anchors = self.anchors
         residual = np.zeros((len(anchors.camera), 2))
@@ -154,7 +154,7 @@ class JointPoses:
         whole = sparse.vstack([matrix, hold], format="csr")
         return np.concatenate([residual[known].ravel(), held]), whole
 
-    def _holds(self, cameras: Cameras) -> tuple[sparse.csr_matrix, Array]:
+    def _holds(self, cameras: Cameras) -> tuple[sparse.csr_matrix, Doubles]:
         """A row for each parameter: the focal lengths' prior, one for what must not move."""
         lenses = self.lenses
         first = [int(np.flatnonzero(lenses.group == g)[0]) for g in range(len(lenses.log_focal))]
@@ -166,7 +166,7 @@ class JointPoses:
             [np.zeros(6 * len(cameras)), value]
         )
 
-    def _met(self, camera: Camera, rows: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+    def _met(self, camera: Camera, rows: NDArray[np.bool_]) -> tuple[Doubles, Doubles, Doubles]:
         """(k, 3) where the rays of `rows` meet the surface; the rays in cam; how far along."""
         scale = self.ties.focal_in_source[rows] / camera.intrinsics.fx
         ideal = self.ties.ideal_in_source[rows] * scale[:, None]
@@ -177,7 +177,7 @@ class JointPoses:
         along = gap / (normal * ray).sum(1)
         return camera.center + ray * along[:, None], in_cam, along
 
-    def _point_jacobian(self, camera: Camera, rows: NDArray[np.bool_]) -> Array:
+    def _point_jacobian(self, camera: Camera, rows: NDArray[np.bool_]) -> Doubles:
         """(k, 3, 7) how the surface point moves with the pose and the focal length of the camera
         whose ray it is on.
         """
@@ -189,10 +189,10 @@ class JointPoses:
         free = np.concatenate([turn, shift, zoom[:, :, None]], axis=2)
         ray, normal = xyz - camera.center, self.ties.normal[rows]
         slide = ray / (normal * ray).sum(1, keepdims=True)
-        out: Array = free - slide[:, :, None] * (normal[:, None] @ free)
+        out: Doubles = free - slide[:, :, None] * (normal[:, None] @ free)
         return out
 
-    def _scattered(self, blocks: Array, camera: NDArray[np.intp]) -> sparse.csr_matrix:
+    def _scattered(self, blocks: Doubles, camera: NDArray[np.intp]) -> sparse.csr_matrix:
         """(2 n, parameters) sparse matrix of (n, 2, 7) blocks, in the columns of their cameras and
         lenses; what is fixed stays zero.
         """
@@ -212,7 +212,7 @@ def scaled_focal(k: Intrinsics, factor: float) -> Intrinsics:
     return replace(k, fx=k.fx * factor, fy=k.fy * factor)
 
 
-def _cross_matrices(v: Array) -> Array:
+def _cross_matrices(v: Doubles) -> Doubles:
     """(n, 3, 3) matrices C with ``C @ w = v x w``."""
     out = np.zeros((len(v), 3, 3))
     out[:, 0, 1], out[:, 0, 2] = -v[:, 2], v[:, 1]

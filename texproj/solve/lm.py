@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from typing import Any, Generic, Literal, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-Array = NDArray[np.float64]
+from texproj.arrays import Doubles
+
 X = TypeVar("X")
 FAR = 1e6
 """Length, in standard deviations, of a residual row that cannot be computed."""
@@ -28,17 +28,17 @@ Stop = Literal["gradient", "cost", "stuck", "iterations"]
 class Problem(Protocol[X]):
     """What the solver asks of a problem; residuals are divided by their standard deviation."""
 
-    def residual(self, x: X) -> Array:
+    def residual(self, x: X) -> Doubles:
         """(n, d) residual rows; NaN where it cannot be computed, which counts as `FAR` off."""
 
     def jacobian(self, x: X) -> Any:
         """(n, d, p) float64 derivative of the residual by `step`'s delta, or a
         (n * d, p) scipy.sparse matrix."""
 
-    def step(self, x: X, delta: Array) -> X:
+    def step(self, x: X, delta: Doubles) -> X:
         """A new x, moved by `delta` (p,)."""
 
-    def prior(self, x: X) -> tuple[Array, Any]:
+    def prior(self, x: X) -> tuple[Doubles, Any]:
         """((q,) residuals, (q, p) jacobian) of what is known beforehand; never reweighted. The
         jacobian may be sparse where that of the residuals is."""
 
@@ -55,7 +55,7 @@ class Loss:
     kind: Literal["l2", "huber", "cauchy", "truncated", "geman-mcclure"] = "l2"
     scale: float = 1.0
 
-    def cost(self, s: Array) -> Array:
+    def cost(self, s: Doubles) -> Doubles:
         """(n,) rho(s)."""
         c2 = self.scale**2
         if self.kind == "huber":
@@ -66,7 +66,7 @@ class Loss:
             return s / (1 + s / c2)
         return np.minimum(s, c2) if self.kind == "truncated" else s
 
-    def weight(self, s: Array) -> Array:
+    def weight(self, s: Doubles) -> Doubles:
         """(n,) rho'(s): the weight of the squared residual."""
         c2 = self.scale**2
         if self.kind == "huber":
@@ -77,7 +77,7 @@ class Loss:
             return 1 / (1 + s / c2) ** 2
         return (s <= c2).astype(float) if self.kind == "truncated" else np.ones_like(s)
 
-    def curvature(self, s: Array) -> Array:
+    def curvature(self, s: Doubles) -> Doubles:
         """(n,) s rho''(s): how the weight falls as the residual grows."""
         c2 = self.scale**2
         if self.kind == "huber":
@@ -113,13 +113,13 @@ class LmFit(Generic[X]):
     cost: float
     iterations: int
     stop: Stop
-    residual: Array
-    weights: Array
+    residual: Doubles
+    weights: Doubles
     data_hessian: Any
     prior_hessian: Any
     scatter2: float
 
-    def covariance(self, scatter2: float | None = None) -> Array:
+    def covariance(self, scatter2: float | None = None) -> Doubles:
         """(p, p) covariance of the delta at x; infinite where the data say nothing.
 
         scatter2: the variance factor if known better than from the residuals of this fit.
@@ -170,11 +170,11 @@ class _Linearized(Generic[X]):
 
     x: X
     cost: float
-    residual: Array
-    weights: Array
+    residual: Doubles
+    weights: Doubles
     data_hessian: Any
     prior_hessian: Any
-    gradient: Array
+    gradient: Doubles
 
     @classmethod
     def at(cls, problem: Problem[X], x: X, loss: Loss) -> _Linearized[X]:
@@ -198,7 +198,7 @@ class _Linearized(Generic[X]):
         cost = float(loss.cost(s).sum() + prior @ prior)
         return cls(x, cost, residual, weights, weighted @ jacobian, prior_hessian, gradient)
 
-    def damped_step(self, damping: float) -> Array:
+    def damped_step(self, damping: float) -> Doubles:
         hessian = self.data_hessian + self.prior_hessian
         if _is_sparse(hessian):
             diagonal = hessian.diagonal()
@@ -208,7 +208,7 @@ class _Linearized(Generic[X]):
         scaled = hessian / np.outer(scale, scale) + damping * np.eye(len(scale))
         return np.linalg.solve(scaled, -self.gradient / scale) / scale
 
-    def predicted_gain(self, delta: Array) -> float:
+    def predicted_gain(self, delta: Doubles) -> float:
         hessian = self.data_hessian + self.prior_hessian
         return float(-2 * delta @ self.gradient - delta @ (hessian @ delta))
 
@@ -228,7 +228,7 @@ def _is_sparse(matrix: Any) -> bool:
     return bool(sparse.issparse(matrix))
 
 
-def _squared_length(residual: Array) -> Array:
+def _squared_length(residual: Doubles) -> Doubles:
     s = (residual**2).sum(axis=1)
     return np.minimum(np.where(np.isfinite(s), s, np.inf), FAR**2)
 

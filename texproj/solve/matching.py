@@ -11,10 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from texproj.arrays import Doubles, Index
 from texproj.solve.orientation import Field
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 BATCH = 64
 """Patches transformed at once: bounds the memory at ~20 MB."""
@@ -31,11 +29,11 @@ class PatchMatches:
     """
 
     patch: Index
-    source_px: Array
-    target_px: Array
-    score: Array
+    source_px: Doubles
+    target_px: Doubles
+    score: Doubles
     rank: Index
-    strength: Array
+    strength: Doubles
 
     def __len__(self) -> int:
         return len(self.patch)
@@ -107,7 +105,7 @@ def _windows(image: NDArray[Any], corners: Index, size: int) -> NDArray[Any]:
 
 def _peaks(
     score: NDArray[np.float32], radius: int, peaks: int
-) -> tuple[Index, Array, Array, Index]:
+) -> tuple[Index, Doubles, Doubles, Index]:
     """Local maxima of (n, s, s) maps, at most `peaks` per map: patch, (m, 2) shift, score, rank.
 
     A map that is highest on its rim gives none.

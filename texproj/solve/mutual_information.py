@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from texproj.arrays import Doubles
 
 Measure = Literal["mutual-information", "normalized"]
 
@@ -25,7 +25,7 @@ class Binned:
     """
 
     low: NDArray[np.intp]
-    upper: Array
+    upper: Doubles
     bins: int
 
 
@@ -38,7 +38,7 @@ def binned(values: ArrayLike, bins: int) -> Binned:
     return Binned(low, place - low, bins)
 
 
-def joint_histogram(a: Binned, b: Binned, weights: ArrayLike | None = None) -> Array:
+def joint_histogram(a: Binned, b: Binned, weights: ArrayLike | None = None) -> Doubles:
     """(a.bins, b.bins) weight of the pairs of values; its sum is that of the weights (n,),
     by default 1 each.
     """
@@ -64,12 +64,12 @@ def entropy_bits(histogram: ArrayLike) -> float:
     return float(-(p * np.log2(p)).sum())
 
 
-def mutual_information_bits(joint: Array) -> float:
+def mutual_information_bits(joint: Doubles) -> float:
     """I(a; b) = H(a) + H(b) - H(a, b) of a joint histogram, bits."""
     return entropy_bits(joint.sum(1)) + entropy_bits(joint.sum(0)) - entropy_bits(joint)
 
 
-def normalized_mutual_information(joint: Array) -> float:
+def normalized_mutual_information(joint: Doubles) -> float:
     """(H(a) + H(b)) / H(a, b), 1 = independent, 2 = one determines the other (Studholme, Hill and
     Hawkes, "An overlap invariant entropy measure", Pattern Recognition 1999).
 

@@ -16,8 +16,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Floats
+
 Field = NDArray[np.complex64]
-Gray = NDArray[np.float32]
 
 PRE_BLUR_PX = 0.8
 """Smoothing before the gradients: below the pixel noise of a photo reduced by areas."""
@@ -27,7 +28,7 @@ DARK = 0.03
 """Gray level added before the logarithm: the noise floor of 8-bit shadows."""
 
 
-def photo_field(gray: Gray, valid: NDArray[np.bool_] | None = None) -> Field:
+def photo_field(gray: Floats, valid: NDArray[np.bool_] | None = None) -> Field:
     """(h, w) luma in 0..1 to its (h, w) complex64 orientation field; 0 where not `valid`.
 
     Gradients of the logarithm, so that a shaded wall counts like a sunlit one.
@@ -35,7 +36,7 @@ def photo_field(gray: Gray, valid: NDArray[np.bool_] | None = None) -> Field:
     return _pooled([np.log(gray + np.float32(DARK))], valid)
 
 
-def render_field(channels: Sequence[Gray], valid: NDArray[np.bool_]) -> Field:
+def render_field(channels: Sequence[Floats], valid: NDArray[np.bool_]) -> Field:
     """Orientation field of several (h, w) channels of one rendering, their edges added up.
 
     `valid`: where the mesh is, without its rim; 0 elsewhere.
@@ -43,7 +44,7 @@ def render_field(channels: Sequence[Gray], valid: NDArray[np.bool_]) -> Field:
     return _pooled(channels, valid)
 
 
-def _pooled(channels: Sequence[Gray], valid: NDArray[np.bool_] | None) -> Field:
+def _pooled(channels: Sequence[Floats], valid: NDArray[np.bool_] | None) -> Field:
     shape = channels[0].shape
     doubled, strength = np.zeros(shape, np.complex64), np.zeros(shape, np.float32)
     for channel in channels:
@@ -63,7 +64,7 @@ def _pooled(channels: Sequence[Gray], valid: NDArray[np.bool_] | None) -> Field:
     return field
 
 
-def _gradient(image: Gray) -> Field:
+def _gradient(image: Floats) -> Field:
     smooth = _blur(image, PRE_BLUR_PX)
     out = np.empty(image.shape, np.complex64)
     out.real = cv2.Scharr(smooth, cv2.CV_32F, 1, 0, scale=1 / 32)

@@ -11,10 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from texproj.arrays import Floats, Mask
 from texproj.solve.orientation import Field
-
-Mask = NDArray[np.bool_]
-Real = NDArray[np.float32]
 
 PEAKS_EACH = 3
 """Placements kept for each roll and scale."""
@@ -65,7 +63,7 @@ def pivot_px(valid: Mask) -> NDArray[np.float64]:
     return np.array([x.mean() + 0.5, y.mean() + 0.5])
 
 
-def _warped(template: Field, valid: Mask, roll: float, scale: float) -> tuple[Field, Real]:
+def _warped(template: Field, valid: Mask, roll: float, scale: float) -> tuple[Field, Floats]:
     h, w = template.shape
     pivot = pivot_px(valid) - 0.5  # OpenCV counts from pixel centers
     c, s = scale * np.cos(roll), scale * np.sin(roll)
@@ -106,7 +104,7 @@ class _Search:
             np.arange(-mx, mx + 1),
         )
 
-    def best(self, template: Field, mask: Real) -> list[tuple[float, tuple[float, float]]]:
+    def best(self, template: Field, mask: Floats) -> list[tuple[float, tuple[float, float]]]:
         score = self._scores(template, mask)
         gap = max(1, round(PEAK_CLEARANCE * template.shape[1]))
         out = []
@@ -116,7 +114,7 @@ class _Search:
             score[max(0, y - gap) : y + gap + 1, max(0, x - gap) : x + gap + 1] = -1
         return out
 
-    def _scores(self, template: Field, mask: Real) -> Real:
+    def _scores(self, template: Field, mask: Floats) -> Floats:
         strength = np.abs(template) ** 2
         inner = fft.ifft2(self.field * np.conj(fft.fft2(template, self.size))).real
         seen = fft.irfft2(self.energy * np.conj(fft.rfft2(mask, self.size)), self.size)

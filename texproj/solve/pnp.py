@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from texproj.arrays import Doubles
 from texproj.camera import Camera, Intrinsics, Pose
 from texproj.solve.lm import LmOptions, Loss, minimize
 from texproj.solve.reprojection import Reprojection
-
-Array = NDArray[np.float64]
 
 SCORED_POINTS = 300
 """Hypotheses are ranked on at most so many pairs; the survivors on all."""
@@ -47,11 +46,11 @@ class PnpFit:
     pose: Pose
     inliers: NDArray[np.bool_]
     score: float
-    residual_px: Array
+    residual_px: Doubles
 
 
 def msac_pose(
-    xy_px: Array, xyz_in_world: Array, intrinsics: Intrinsics, options: MsacOptions
+    xy_px: Doubles, xyz_in_world: Doubles, intrinsics: Intrinsics, options: MsacOptions
 ) -> PnpFit | None:
     """The pose that most pairs agree on; None if no sample gives one.
 
@@ -62,7 +61,7 @@ def msac_pose(
 
 
 def msac_poses(
-    xy_px: Array, xyz_in_world: Array, intrinsics: Intrinsics, options: MsacOptions
+    xy_px: Doubles, xyz_in_world: Doubles, intrinsics: Intrinsics, options: MsacOptions
 ) -> list[PnpFit]:
     """The best poses after polishing, best first; several may be the same minimum."""
     poses = sampled_poses(xy_px, xyz_in_world, intrinsics, options)
@@ -74,7 +73,7 @@ def msac_poses(
 
 
 def sampled_poses(
-    xy_px: Array, xyz_in_world: Array, intrinsics: Intrinsics, options: MsacOptions
+    xy_px: Doubles, xyz_in_world: Doubles, intrinsics: Intrinsics, options: MsacOptions
 ) -> list[Pose]:
     """Poses from three-point samples, best score first."""
     k = intrinsics
@@ -126,7 +125,7 @@ def triples(indices: NDArray[np.int64], most: int, rng: np.random.Generator) -> 
     return indices[np.stack([first, second, third], axis=1)]
 
 
-def polish(xy_px: Array, xyz_in_world: Array, camera: Camera, threshold_px: float) -> PnpFit:
+def polish(xy_px: Doubles, xyz_in_world: Doubles, camera: Camera, threshold_px: float) -> PnpFit:
     """The pose of `camera` refined over all pairs with a Cauchy loss of a quarter threshold."""
     problem = Reprojection(xy_px, xyz_in_world, threshold_px / 4)
     residual = problem.residual(camera)
@@ -137,7 +136,7 @@ def polish(xy_px: Array, xyz_in_world: Array, camera: Camera, threshold_px: floa
     return judged(xy_px, xyz_in_world, camera, threshold_px)
 
 
-def judged(xy_px: Array, xyz_in_world: Array, camera: Camera, threshold_px: float) -> PnpFit:
+def judged(xy_px: Doubles, xyz_in_world: Doubles, camera: Camera, threshold_px: float) -> PnpFit:
     """How well a camera explains the pairs."""
     offset = camera.project(xyz_in_world)[0] - xy_px
     distance = np.nan_to_num(np.linalg.norm(offset, axis=1), nan=np.inf)
@@ -149,10 +148,12 @@ def _batches(rows: NDArray[np.int64], size: int) -> list[NDArray[np.int64]]:
     return [rows[i : i + size] for i in range(0, len(rows), size)]
 
 
-def _solve_triples(xyz: Array, ideal: Array, batch: NDArray[np.int64]) -> tuple[Array, Array]:
+def _solve_triples(
+    xyz: Doubles, ideal: Doubles, batch: NDArray[np.int64]
+) -> tuple[Doubles, Doubles]:
     """((m, 3, 3), (m, 3)) of all poses that the triples allow (Ding et al., CVPR 2023)."""
-    rotations: list[Array] = []
-    translations: list[Array] = []
+    rotations: list[Doubles] = []
+    translations: list[Doubles] = []
     for triple in batch:
         rvecs, tvecs = cv2.solveP3P(
             xyz[triple], ideal[triple].reshape(3, 1, 2), np.eye(3), None, cv2.SOLVEPNP_P3P
@@ -164,7 +165,7 @@ def _solve_triples(xyz: Array, ideal: Array, batch: NDArray[np.int64]) -> tuple[
     return Rotation.from_rotvec(r[sound]).as_matrix(), t[sound]
 
 
-def _scores(xyz: Array, ideal: Array, R: Array, t: Array, threshold: float) -> Array:
+def _scores(xyz: Doubles, ideal: Doubles, R: Doubles, t: Doubles, threshold: float) -> Doubles:
     """(m,) mean capped squared error over the squared threshold, in normalized coordinates."""
     in_cam = np.einsum("mij,nj->mni", R, xyz) + t[:, None]
     depth = in_cam[..., 2]

@@ -11,11 +11,9 @@ from dataclasses import dataclass, replace
 import cv2
 import nlopt
 import numpy as np
-from numpy.typing import NDArray
 
+from texproj.arrays import Doubles
 from texproj.camera import Camera, Pose
-
-Array = NDArray[np.float64]
 
 PROBE_STEP = 1e-4
 """Step of the differences that measure image motion: radians, parts of the distance, log focal."""
@@ -38,15 +36,15 @@ class CameraSteps:
     """
 
     camera: Camera
-    pivot_in_cam: Array
-    basis: Array
+    pivot_in_cam: Doubles
+    basis: Doubles
 
     @property
     def count(self) -> int:
         return self.basis.shape[1]
 
     @classmethod
-    def around(cls, camera: Camera, xyz_in_world: Array, focal: bool = False) -> CameraSteps:
+    def around(cls, camera: Camera, xyz_in_world: Doubles, focal: bool = False) -> CameraSteps:
         """Steps scaled by the motion of (n, 3) probe points that `camera` sees."""
         pivot = camera.pose.apply(xyz_in_world).mean(axis=0)
         natural = np.eye(7)[:, : 6 + focal]
@@ -56,13 +54,13 @@ class CameraSteps:
         strength = np.maximum(strength, WEAKEST * strength[0])
         return cls(camera, pivot, natural @ directions.T / strength)
 
-    def _motion(self, direction: Array, xyz_in_world: Array) -> Array:
+    def _motion(self, direction: Doubles, xyz_in_world: Doubles) -> Doubles:
         """(2 n,) image motion per unit of a natural parameter, over sqrt(n)."""
         ahead, behind = (self.at(s * PROBE_STEP * direction) for s in (1, -1))
         gap = ahead.project(xyz_in_world)[0] - behind.project(xyz_in_world)[0]
         return np.nan_to_num(gap).ravel() / (2 * PROBE_STEP * np.sqrt(len(xyz_in_world)))
 
-    def pose_delta(self) -> Array:
+    def pose_delta(self) -> Doubles:
         """(p, p) the `Pose.step` (and log focal) per step, for small steps."""
         p, distance = self.pivot_in_cam, float(np.linalg.norm(self.pivot_in_cam))
         turned = np.array([[0, -p[2], p[1]], [p[2], 0, -p[0]], [-p[1], p[0], 0]])
@@ -72,7 +70,7 @@ class CameraSteps:
         natural[5, 6], natural[6, 6] = p[2], 1
         return (natural @ self.basis)[: self.count]
 
-    def at(self, step_px: Array) -> Camera:
+    def at(self, step_px: Doubles) -> Camera:
         """The camera `step_px` (p,) away."""
         natural = self.basis @ step_px
         R = cv2.Rodrigues(natural[:3].reshape(3, 1))[0]
@@ -90,14 +88,14 @@ class CameraSteps:
 class Found:
     """x: where the search ended; value: there; initial: at the start; evaluations: how many."""
 
-    x: Array
+    x: Doubles
     value: float
     initial: float
     evaluations: int
 
 
 def maximize(
-    function: Callable[[Array], float],
+    function: Callable[[Doubles], float],
     parameters: int,
     first_step: float,
     last_step: float,
@@ -114,7 +112,7 @@ def maximize(
     best = Found(origin, initial, initial, 1)
     count = 1
 
-    def observed(x: Array, _: Array) -> float:
+    def observed(x: Doubles, _: Doubles) -> float:
         nonlocal best, count
         count += 1
         value = function(x.copy())
@@ -134,7 +132,7 @@ def maximize(
     return replace(best, evaluations=count)
 
 
-def curvature(function: Callable[[Array], float], parameters: int, radius: float) -> Array:
+def curvature(function: Callable[[Doubles], float], parameters: int, radius: float) -> Doubles:
     """(p, p) second derivatives around 0: of the quadratic that fits the function best at random
     places `radius` away. A function that is rough on a smaller scale does no harm.
     """

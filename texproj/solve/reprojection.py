@@ -10,11 +10,9 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from texproj.arrays import Doubles
 from texproj.camera import Camera, Intrinsics
-
-Array = NDArray[np.float64]
 
 DISTORTION_NAMES = ("k1", "k2", "p1", "p2", "k3")
 INTRINSIC_NAMES = ("focal", "aspect", "cx", "cy", *DISTORTION_NAMES)
@@ -36,27 +34,27 @@ class Reprojection:
     divided; free: intrinsics to solve; priors: on any of them.
     """
 
-    xy_px: Array
-    xyz_in_world: Array
+    xy_px: Doubles
+    xyz_in_world: Doubles
     sigma_px: float = 1.0
     free: tuple[str, ...] = ()
     priors: tuple[Prior, ...] = ()
 
-    def residual(self, camera: Camera) -> Array:
+    def residual(self, camera: Camera) -> Doubles:
         """(n, 2) projected minus picked position over sigma; NaN where it does not project."""
         return (camera.project(self.xyz_in_world)[0] - self.xy_px) / self.sigma_px
 
-    def jacobian(self, camera: Camera) -> Array:
+    def jacobian(self, camera: Camera) -> Doubles:
         """(n, 2, 6 + len(free)) derivative of the residual."""
         return projection_jacobian(camera, self.xyz_in_world, self.free) / self.sigma_px
 
-    def step(self, camera: Camera, delta: Array) -> Camera:
+    def step(self, camera: Camera, delta: Doubles) -> Camera:
         intrinsics = camera.intrinsics
         for name, change in zip(self.free, delta[6:], strict=True):
             intrinsics = intrinsic_step(intrinsics, name, change)
         return Camera(intrinsics, camera.pose.step(delta[:6]))
 
-    def prior(self, camera: Camera) -> tuple[Array, Array]:
+    def prior(self, camera: Camera) -> tuple[Doubles, Doubles]:
         """((q,), (q, p)) of the priors on what is free."""
         used = [p for p in self.priors if p.name in self.free]
         value = [(intrinsic_value(camera.intrinsics, p.name) - p.value) / p.sigma for p in used]
@@ -66,7 +64,9 @@ class Reprojection:
         return np.array(value), jacobian
 
 
-def projection_jacobian(camera: Camera, xyz_in_world: Array, free: tuple[str, ...] = ()) -> Array:
+def projection_jacobian(
+    camera: Camera, xyz_in_world: Doubles, free: tuple[str, ...] = ()
+) -> Doubles:
     """(n, 2, 6 + len(free)) derivative of the pixels by `Reprojection.step`, zero if behind.
 
     OpenCV's analytic derivatives, taken at the identity pose in camera coordinates, where its
@@ -81,12 +81,12 @@ def projection_jacobian(camera: Camera, xyz_in_world: Array, free: tuple[str, ..
     zero = np.zeros(3)
     every = cv2.projectPoints(xyz, zero, zero, k.K, dist)[1].reshape(len(xyz), 2, -1)
     columns = [every[:, :, :6]] + [_intrinsic_column(every, k, name)[..., None] for name in free]
-    out: Array = np.concatenate(columns, axis=2)
+    out: Doubles = np.concatenate(columns, axis=2)
     out[behind] = 0
     return out
 
 
-def _intrinsic_column(every: Array, k: Intrinsics, name: str) -> Array:
+def _intrinsic_column(every: Doubles, k: Intrinsics, name: str) -> Doubles:
     """(n, 2); OpenCV's columns are rotation, translation, fx, fy, cx, cy, distortion."""
     if name == "focal":
         return k.fx * every[:, :, 6] + k.fy * every[:, :, 7]

@@ -12,11 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Doubles
 from texproj.camera import Camera
 from texproj.solve.lm import LmFit, LmOptions, Loss, minimize
 from texproj.solve.reprojection import Reprojection
-
-Array = NDArray[np.float64]
 
 INLIER_LIMIT = -2 * math.log(0.001)
 """Squared deviation, in its own standard deviations, beyond which a pair is an outlier: a good
@@ -49,13 +48,13 @@ class Estimate:
 
     camera: Camera
     inliers: NDArray[np.bool_]
-    offset_px: Array
+    offset_px: Doubles
     sigma_px: float
     freedom: float
-    covariance: Array
+    covariance: Doubles
     length: float
     fit: LmFit[Camera]
-    fit_points: Array
+    fit_points: Doubles
 
     def sigma_of(self, free: tuple[str, ...], name: str) -> float:
         """Standard deviation of the intrinsic `name` among those in `free`."""
@@ -63,7 +62,7 @@ class Estimate:
         return float(np.sqrt(self.covariance[i, i]))
 
     @property
-    def distance_px(self) -> Array:
+    def distance_px(self) -> Doubles:
         """(n,) lengths of the offsets, inf where a point does not project."""
         return np.nan_to_num(np.linalg.norm(self.offset_px, axis=1), nan=np.inf)
 
@@ -103,7 +102,7 @@ def _settled(problem: Reprojection, start: Camera, noise: Noise) -> Estimate | N
     return estimate
 
 
-def deviation2(problem: Reprojection, estimate: Estimate) -> Array:
+def deviation2(problem: Reprojection, estimate: Estimate) -> Doubles:
     """(n,) squared offset in units of its own covariance: the noise, less what the fit absorbed
     for inliers, plus the prediction's uncertainty for the others; inf where undefined.
     """
@@ -172,7 +171,7 @@ def _noise_px(fit: LmFit[Camera], sigma: float, noise: Noise) -> float:
     return float(np.sqrt(total / (_freedom(fit) + NOISE_FREEDOM)))
 
 
-def _length(offset: Array, inliers: NDArray[np.bool_], sigma: float, noise: Noise) -> float:
+def _length(offset: Doubles, inliers: NDArray[np.bool_], sigma: float, noise: Noise) -> float:
     """-2 log likelihood: Gaussian inliers, outliers anywhere in the picture."""
     k = int(inliers.sum())
     gaussian = 2 * k * np.log(2 * np.pi * sigma**2) + (offset[inliers] ** 2).sum() / sigma**2
@@ -180,7 +179,7 @@ def _length(offset: Array, inliers: NDArray[np.bool_], sigma: float, noise: Nois
     return float(gaussian + nominal + (len(inliers) - k) * 2 * np.log(noise.picture_px2))
 
 
-def _prior_length(problem: Reprojection, camera: Camera, covariance: Array) -> float:
+def _prior_length(problem: Reprojection, camera: Camera, covariance: Doubles) -> float:
     """-2 log of prior density times posterior volume: what freeing intrinsics costs (Laplace's
     approximation of the evidence; MacKay, "Bayesian interpolation", 1992).
     """
@@ -192,6 +191,6 @@ def _prior_length(problem: Reprojection, camera: Camera, covariance: Array) -> f
     return float(residual @ residual + 2 * np.log(sigmas).sum() - volume)
 
 
-def _distance(problem: Reprojection, camera: Camera) -> Array:
+def _distance(problem: Reprojection, camera: Camera) -> Doubles:
     offset = problem.residual(camera) * problem.sigma_px
     return np.nan_to_num(np.linalg.norm(offset, axis=1), nan=np.inf)

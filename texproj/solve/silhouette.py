@@ -9,11 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from texproj.arrays import Doubles, Mask
 from texproj.camera import Camera
 from texproj.solve.reprojection import Prior, Reprojection, intrinsic_step, projection_jacobian
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 ANGLES, RADII = 72, 24
 """Samples of a signature around the middle and outwards."""
@@ -60,39 +58,39 @@ class OutlineDistance:
     fits; free, priors: as in `Reprojection`.
     """
 
-    xyz_in_world: Array
+    xyz_in_world: Doubles
     distance: NDArray[np.float32]
     sigma_px: float = 1.0
     expected_px: float = 0.0
     free: tuple[str, ...] = ()
     priors: tuple[Prior, ...] = ()
 
-    def residual(self, camera: Camera) -> Array:
+    def residual(self, camera: Camera) -> Doubles:
         """(n, 1); NaN outside of the picture."""
         found = self._sampled(self.distance, camera.project(self.xyz_in_world)[0])
         return ((found - self.expected_px) / self.sigma_px)[:, None]
 
-    def jacobian(self, camera: Camera) -> Array:
+    def jacobian(self, camera: Camera) -> Doubles:
         """(n, 1, 6 + len(free))."""
         xy = camera.project(self.xyz_in_world)[0]
         across = [cv2.Sobel(self.distance, cv2.CV_32F, *d, ksize=3, scale=1 / 8)
                   for d in ((1, 0), (0, 1))]  # fmt: skip
         slope = np.stack([np.nan_to_num(self._sampled(g, xy)) for g in across], axis=1)
         moved = projection_jacobian(camera, self.xyz_in_world, self.free)
-        out: Array = np.einsum("ni,nip->np", slope, moved)[:, None] / self.sigma_px
+        out: Doubles = np.einsum("ni,nip->np", slope, moved)[:, None] / self.sigma_px
         return out
 
-    def step(self, camera: Camera, delta: Array) -> Camera:
+    def step(self, camera: Camera, delta: Doubles) -> Camera:
         intrinsics = camera.intrinsics
         for name, change in zip(self.free, delta[6:], strict=True):
             intrinsics = intrinsic_step(intrinsics, name, change)
         return Camera(intrinsics, camera.pose.step(delta[:6]))
 
-    def prior(self, camera: Camera) -> tuple[Array, Array]:
+    def prior(self, camera: Camera) -> tuple[Doubles, Doubles]:
         empty = Reprojection(np.zeros((0, 2)), np.zeros((0, 3)), 1.0, self.free, self.priors)
         return empty.prior(camera)
 
-    def _sampled(self, image: NDArray[np.float32], xy_px: Array) -> Array:
+    def _sampled(self, image: NDArray[np.float32], xy_px: Doubles) -> Doubles:
         height, width = image.shape
         place = np.nan_to_num(xy_px - 0.5, nan=-9.0)
         outside = (place < -0.5).any(axis=1) | (place > (width - 0.5, height - 0.5)).any(axis=1)
@@ -109,7 +107,7 @@ class Signature:
     """
 
     polar: NDArray[np.float32]
-    center_px: Array
+    center_px: Doubles
     radius_px: float
 
     @classmethod
@@ -152,7 +150,7 @@ def best_turns(
     return sorted(found, key=lambda f: -f[0])
 
 
-def sphere_directions(count: int) -> Array:
+def sphere_directions(count: int) -> Doubles:
     """(count, 3) unit vectors spread evenly over the sphere (Fibonacci lattice)."""
     z = 1 - (2 * np.arange(count) + 1) / count
     angle = np.pi * (1 + np.sqrt(5)) * np.arange(count)
@@ -160,7 +158,7 @@ def sphere_directions(count: int) -> Array:
     return np.stack([r * np.cos(angle), r * np.sin(angle), z], axis=1)
 
 
-def splatted(xy_px: Array, width: int, height: int) -> Mask:
+def splatted(xy_px: Doubles, width: int, height: int) -> Mask:
     """(h, w) mask of dense points' pixels; holes of a pixel are closed."""
     inside = np.all((xy_px >= 0) & (xy_px < (width, height)), axis=1)
     x, y = xy_px[inside].astype(int).T

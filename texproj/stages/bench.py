@@ -63,7 +63,7 @@ class Workbench:
     @cached_property
     def renderer(self) -> Renderer:
         """OpenGL or the ray caster, as the settings say."""
-        options = self.project.settings.options("render")
+        options = self.project.settings.render
         return self._open.enter_context(open_renderer(options))
 
     @cached_property

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from texproj.color.absolute import with_checker
-from texproj.color.checker import read_checker
+from texproj.color.checker.apply import with_checker
+from texproj.color.checker.fit import read_checker
 from texproj.errors import InputError
 from texproj.formats.photos import read_photo, read_photo_info
 from texproj.options import ColorOptions
@@ -15,7 +15,7 @@ from texproj.project import Project
 
 def checker_path(project: Project) -> Path | None:
     """The photo of the color chart: `checker` of the settings, relative to the project."""
-    named = project.settings.options("color").checker
+    named = project.settings.color.checker
     return None if named is None else project.root / named
 
 
@@ -25,7 +25,7 @@ def color_options(project: Project, names: Sequence[str]) -> ColorOptions:
     names: the photos of the cameras, in their order. Raises InputError for a photo that is not
     there, or without a chart that can be used.
     """
-    options: ColorOptions = project.settings.options("color")
+    options = project.settings.color
     path = checker_path(project)
     if path is None:
         return options

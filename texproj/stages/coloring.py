@@ -102,7 +102,7 @@ def color_freshness(project: Project) -> Freshness:
         written = record.get("outputs", {})
         gone = [n for n, known in written.items() if project.hash_of(project.out / n) != known]
         reason = f"{', '.join(gone)} changed or missing in {project.out}" if gone else ""
-    return Freshness(STAGE, project.settings.options("color").to, not reason, reason)
+    return Freshness(STAGE, project.settings.color.to, not reason, reason)
 
 
 def usable_cameras(project: Project) -> tuple[dict[str, Camera], dict[str, str]]:
@@ -151,7 +151,7 @@ def _made(
         progress(STAGE, done, total, "")
 
     options, cameras = color_options(bench.project, list(known)), list(known.values())
-    plan = output_plan(options, bench.project.settings.options("output"))
+    plan = output_plan(options, bench.project.settings.output)
     if options.to == "vertices":
         colors = color_vertices(bench.mesh, cameras, photos, bench.renderer, options, tell)
         return colors.quality, lambda folder: write_vertices(folder, bench.source, colors, plan)
@@ -166,13 +166,13 @@ def _texture(
     photos: Photos,
     tell: Callable[[int, int], None],
 ) -> Texture:
-    from texproj.color.patches import PatchSettings, color_patches  # noqa: PLC0415 - slow to load
+    from texproj.color.patches.texture import PatchSettings, color_patches  # noqa: PLC0415 - slow to load
     from texproj.color.texture import color_texture  # noqa: PLC0415
 
     settings = bench.project.settings
-    unwrap = settings.options("unwrap")
+    unwrap = settings.unwrap
     if options.to == "patches":
-        patches = PatchSettings(options, settings.options("patches"), unwrap)
+        patches = PatchSettings(options, settings.patches, unwrap)
         return color_patches(bench.mesh, cameras, photos, bench.renderer, patches, tell)
     return color_texture(bench.mesh, cameras, photos, bench.renderer, options, unwrap, tell)
 

@@ -28,7 +28,7 @@ class Freshness:
 
 def options_inputs(project: Project, version: int, *sections: str) -> Inputs:
     """The settings of the named sections as inputs, one each, and the version of the method."""
-    hashes = {f"[{s}] settings": json_hash(asdict(project.settings.options(s))) for s in sections}
+    hashes = {f"[{s}] settings": json_hash(asdict(project.settings.table(s))) for s in sections}
     return {"method": str(version), **hashes}
 
 

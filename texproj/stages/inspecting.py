@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.camera import Camera
-from texproj.color.density import texels_per_unit
-from texproj.color.depths import Depths
-from texproj.color.inspection import FACTORS, Inspection, photo_factors
-from texproj.color.pixels import PixelPoints
-from texproj.color.points import VertexPoints
-from texproj.color.scratch import Scratch
+from texproj.color.factors import FACTORS, Inspection, photo_factors
+from texproj.color.points.pixels import PixelPoints
+from texproj.color.points.source import VertexPoints
+from texproj.color.sampling.depth_images import Depths
+from texproj.color.sampling.resolution import texels_per_unit
 from texproj.errors import InputError
 from texproj.files import staging
 from texproj.report.factors import factor_image, factor_sheet
+from texproj.resources.scratch import Scratch
 from texproj.stages.bench import Workbench
 from texproj.stages.checking import color_options
 from texproj.stages.coloring import Photos, usable_cameras

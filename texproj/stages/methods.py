@@ -13,10 +13,10 @@ from texproj.errors import InputError, RegistrationError
 from texproj.project import Project
 from texproj.records import CameraRecord, Fit
 from texproj.register.features import Known, register_features
-from texproj.register.from_mask import ChainOptions, register_from_outline
-from texproj.register.mutual_information import register_mutual_information
-from texproj.register.points import register_points
-from texproj.register.structure import register_structure
+from texproj.register.information.register import register_mutual_information
+from texproj.register.outline.chain import ChainOptions, register_from_outline
+from texproj.register.picks.register import register_points
+from texproj.register.structure.register import register_structure
 from texproj.stages.bench import Workbench
 from texproj.stages.entries import THROUGH
 
@@ -44,7 +44,7 @@ def find_camera(
 
     An unaccepted fit or RegistrationError says why there is none.
     """
-    asked = bench.project.settings.options("register").method
+    asked = bench.project.settings.register.method
     if asked != "auto":
         return METHODS[asked](bench, name, start, neighbors)
     refusals: list[str] = []
@@ -134,7 +134,7 @@ def _by_points(bench: Workbench, name: str, start: CameraRecord | None, _: Neigh
         raise RegistrationError(f"no picks at {path}; pick at least 4 points")
     prior = start.intrinsics if start else None
     pose = start.pose if start else None
-    options = project.settings.options("points")
+    options = project.settings.points
     info = project.photo_info(name)
     return register_points(info, picks, prior, options, pose, bench.surface_sample)
 
@@ -147,7 +147,7 @@ def _by_structure(bench: Workbench, name: str, start: CameraRecord | None, _: Ne
 
 def _from_camera(bench: Workbench, name: str, start: Camera) -> Fit:
     photo = bench.project.load_photo(name, REGISTRATION_LONGEST)
-    options = bench.project.settings.options("structure")
+    options = bench.project.settings.structure
     return register_structure(photo, start, bench.render, options)
 
 
@@ -161,7 +161,7 @@ def _by_features(
     info = bench.project.photo_info(name)
     features = bench.features(name)
     prior = start.intrinsics if start is not None else None
-    options = bench.project.settings.options("points")
+    options = bench.project.settings.points
     near = list(known.values())
     fit = register_features(info, features, near, prior, options, bench.surface_sample)
     return replace(fit, quality={**fit.quality, THROUGH: list(known)})
@@ -178,7 +178,7 @@ def _by_information(bench: Workbench, name: str, start: CameraRecord | None, _: 
     if start is None or start.camera is None:
         raise RegistrationError(NOTHING_TO_START_FROM)
     photo = bench.project.load_photo(name, REGISTRATION_LONGEST)
-    options = bench.project.settings.options("mutual-information")
+    options = bench.project.settings.mutual_information
     picks = bench.project.load_correspondences(name)
     return register_mutual_information(photo, start.camera, bench.render, options, picks)
 
@@ -188,9 +188,9 @@ def _by_silhouette(bench: Workbench, name: str, start: CameraRecord | None, _: N
     settings = bench.project.settings
     photo = bench.project.load_photo(name, REGISTRATION_LONGEST)
     options = ChainOptions(
-        settings.options("silhouette"),
-        settings.options("mutual-information"),
-        replace(settings.options("structure"), wider=False),
+        settings.silhouette,
+        settings.mutual_information,
+        settings.structure,
     )
     prior = (start.camera or start.intrinsics) if start is not None else None
     return register_from_outline(photo, prior, bench.render, bench.mesh, options)

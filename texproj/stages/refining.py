@@ -15,7 +15,7 @@ from texproj.formats.cameras import entry_of_record
 from texproj.photo import Photo
 from texproj.project import Project
 from texproj.records import CameraRecord
-from texproj.register.refine import Refined, refine
+from texproj.register.joint.refine import Refined, refine
 from texproj.render import GBuffer
 from texproj.stages.bench import Workbench
 from texproj.stages.entries import (
@@ -75,7 +75,7 @@ def refine_project(
     names = list(before)
     fixed = [hold_imported and START_KEY not in entries[n].extra for n in names]
     refined = _refine(bench, before, fixed)
-    asked = not project.settings.options("refine").enabled
+    asked = not project.settings.refine.enabled
     after = _records(names, before, refined, fixed, asked)
     outcome = _outcome(names, refined, fixed)
     record = _record(before, after, outcome)
@@ -102,7 +102,7 @@ def unrefined(project: Project) -> list[CameraRecord]:
     """The own registrations of photos that were refined while the settings had it on, though they
     have it switched off now. What somebody has refined on request since then is not among them.
     """
-    if project.settings.options("refine").enabled:
+    if project.settings.refine.enabled:
         return []
     entries = project.load_cameras().values()
     refined = [entry for entry in entries if is_refined(entry)]
@@ -143,7 +143,7 @@ def _refine(bench: Workbench, before: Mapping[str, CameraRecord], fixed: list[bo
         return project.load_photo(names[number], longest)
 
     lenses = [_lens(project, name, record) for name, record in before.items()]
-    options = project.settings.options("refine")
+    options = project.settings.refine
 
     def render(camera: Camera) -> GBuffer:
         return bench.plain_scene.gbuffer(camera, CHANNELS)

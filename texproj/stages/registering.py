@@ -81,7 +81,7 @@ def register_photos(
     entries = project.load_cameras()
     chosen = list(names) if names is not None else project.photo_names
     outcomes: dict[str, PhotoOutcome] = {}
-    auto = project.settings.options("register").method == "auto"
+    auto = project.settings.register.method == "auto"
     able = [n for n in chosen if not auto or has_means(project, n, start_of(entries.get(n)))]
     waiting = _shaken(project, chosen, entries)
 
@@ -183,7 +183,7 @@ def _neighbors(project: Project, name: str, entries: Entries, waiting: set[str])
 
 def _is_external(project: Project, entry: CameraRecord) -> bool:
     """A camera that somebody else vouches for; a method named in the settings overrides that."""
-    asked = project.settings.options("register").method
+    asked = project.settings.register.method
     return asked == "auto" and entry.status == "registered" and START_KEY not in entry.extra
 
 

@@ -118,7 +118,7 @@ def _refinement(project: Project, records: dict[str, CameraRecord]) -> str:
     refined = sum(is_refined(r) for r in registered)
     if refined:
         return f"{refined} of {len(registered)} cameras refined together"
-    if project.settings.options("refine").enabled:
+    if project.settings.refine.enabled:
         return "none: every camera is as its own photo was registered"
     return (
         "switched off ([refine] enabled = false): every camera is as its own photo was registered"

@@ -93,4 +93,4 @@ def _worth_refining(project: Project) -> bool:
     entries = project.load_cameras().values()
     registered = [e for e in entries if e.registered_camera and e.file in project.photo_paths]
     own = any(START_KEY in e.extra for e in registered)
-    return bool(project.settings.options("refine").enabled and own and len(registered) > 1)
+    return bool(project.settings.refine.enabled and own and len(registered) > 1)

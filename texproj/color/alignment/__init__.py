@@ -1,0 +1,1 @@
+"""Small displacements of photos on the surface."""

@@ -1,0 +1,1 @@
+"""Many photos' colors of a point to one."""

@@ -1,0 +1,1 @@
+"""Absolute color from a photo of a color chart."""

@@ -1,0 +1,1 @@
+"""Colors where no photo sees, and between charts."""

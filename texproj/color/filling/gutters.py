@@ -1,0 +1,86 @@
+"""Pages of a texture without holes: push-pull, after Gortler et al., "The lumigraph", 1996."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.resources.threads import in_parallel
+
+STRIP = 128
+"""Rows of the full-size page that are worked on at once; even."""
+
+
+def fill_page(page: NDArray[Any], known: NDArray[np.bool_]) -> None:
+    """Replace, in place, texels that are not known by smooth colors from the nearest known ones.
+
+    page: (h, w, 3) encoded colors; known: (h, w). Colors are averaged as they are encoded: they
+    are guesses for gutters and unseen surface.
+    """
+    if known.all() or not known.any():
+        return
+    half = _filled(*_halved(page, known))
+
+    def one(number: int) -> None:
+        rows = _strip(number, len(page))
+        smooth = _enlarged(half, rows, page.shape)
+        if page.dtype.kind == "u":
+            smooth = np.round(smooth).astype(page.dtype)
+        np.copyto(page[rows], smooth, where=~known[rows][..., None])
+
+    in_parallel(one, range(-(-len(page) // STRIP)))
+
+
+def _strip(number: int, height: int) -> slice:
+    return slice(number * STRIP, min((number + 1) * STRIP, height))
+
+
+def _halved(page: NDArray[Any], known: NDArray[np.bool_]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """The means of the known texels of each 2 x 2 block, and how much of the block is known."""
+    height, width = page.shape[:2]
+    out = np.empty((-(-height // 2), -(-width // 2), 3), np.float32)
+    weight = np.empty(out.shape[:2], np.float32)
+
+    def one(number: int) -> None:
+        rows = _strip(number, height)
+        small = slice(rows.start // 2, -(-rows.stop // 2))
+        out[small], weight[small] = _reduced(
+            page[rows].astype(np.float32), known[rows].astype(np.float32)
+        )
+
+    in_parallel(one, range(-(-height // STRIP)))
+    return out, weight
+
+
+def _reduced(color: NDArray[Any], weight: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    height, width = weight.shape
+    odd = ((0, height % 2), (0, width % 2))
+    weight = np.pad(weight, odd)
+    color = np.pad(color, (*odd, (0, 0))) * weight[..., None]
+    size = (weight.shape[1] // 2, weight.shape[0] // 2)
+    weight = cv2.resize(weight, size, interpolation=cv2.INTER_AREA)
+    color = cv2.resize(color, size, interpolation=cv2.INTER_AREA)
+    return color / np.maximum(weight, np.float32(1e-6))[..., None], weight
+
+
+def _filled(color: NDArray[Any], weight: NDArray[Any]) -> NDArray[Any]:
+    """Pixels without weight take, in place, the color of the next coarser level."""
+    if (weight > 0).all() or min(weight.shape) < 2:
+        return color
+    coarse = _filled(*_reduced(color, np.minimum(weight * 4, 1)))
+    for top in range(0, len(color), STRIP):
+        rows = slice(top, min(top + STRIP, len(color)))
+        empty = (weight[rows] == 0)[..., None]
+        np.copyto(color[rows], _enlarged(coarse, rows, color.shape), where=empty)
+    return color
+
+
+def _enlarged(half: NDArray[Any], rows: slice, shape: tuple[int, ...]) -> NDArray[Any]:
+    """Rows of the image of twice the size, linearly interpolated."""
+    first, last = max(rows.start // 2 - 1, 0), min(-(-rows.stop // 2) + 1, len(half))
+    part = half[first:last]
+    big = cv2.resize(part, (2 * part.shape[1], 2 * part.shape[0]), interpolation=cv2.INTER_LINEAR)
+    return big[rows.start - 2 * first : rows.stop - 2 * first, : shape[1]]

@@ -1,0 +1,1 @@
+"""A texture of patches, each cut from one photo."""

@@ -1,0 +1,198 @@
+"""The texels of an atlas as points on the surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.arrays import Floats
+from texproj.color.points.source import Chunk, Owners
+from texproj.mesh import Mesh, face_areas, vertex_normals
+from texproj.resources.scratch import Scratch
+from texproj.resources.threads import in_parallel
+from texproj.unwrap.atlas import Atlas
+from texproj.unwrap.texel_faces import face_image
+
+TILE = 256
+"""Edge of the square of texels that makes one chunk: near on the page is near on the surface."""
+
+GUTTER = 2
+"""Texels that faces may grow beyond their charts: what bilinear filters and the first mipmaps read;
+at most half of the padding."""
+
+
+class Tile(NamedTuple):
+    """A square of a page that holds texels of the surface.
+
+    texels: how many on the surface; start: where their data lie in the scratch file.
+    """
+
+    page: int
+    rows: slice
+    columns: slice
+    texels: int
+    start: int
+
+
+@dataclass(frozen=True, eq=False)
+class TexelPoints:
+    """The texels whose centers a face covers, tile by tile, on disk: 16 bytes and a bit each."""
+
+    owners: Owners
+    tiles: list[Tile]
+    scratch: Scratch
+
+    @classmethod
+    def of(
+        cls,
+        mesh: Mesh,
+        atlas: Atlas,
+        scratch: Scratch,
+        growing: NDArray[np.bool_] | None = None,
+    ) -> TexelPoints:
+        """All texels of the atlas, written to `scratch`.
+
+        growing: (F,) faces whose planes go on for `GUTTER` texels outside of their charts, if any.
+        """
+        corners = (mesh.vertices - mesh.center)[mesh.faces]
+        normal = vertex_normals(mesh)[mesh.faces].sum(axis=1)
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+        uv = atlas.uv_px[atlas.faces]
+        owners = Owners(
+            mesh.center,
+            corners.mean(axis=1).astype(np.float32),
+            normal.astype(np.float32),
+            _texel_edge(mesh, uv),
+        )
+        frames = surface_frames(corners, uv)
+        tiles = []
+        for page in range(len(atlas.page_sizes)):
+            tiles += _write_page(page, face_image(atlas, page), frames, scratch, growing)
+        return cls(owners, tiles, scratch)
+
+    @property
+    def sizes(self) -> list[int]:
+        return [tile.texels for tile in self.tiles]
+
+    def chunk(self, number: int) -> Chunk:
+        tile = self.tiles[number]
+        start = tile.start + _mask_bytes(tile)
+        data = self.scratch.read(start, 16 * tile.texels)
+        owner = np.frombuffer(data, np.int32, tile.texels)
+        xyz = np.frombuffer(data, np.float32, 3 * tile.texels, 4 * tile.texels)
+        return Chunk(xyz.reshape(-1, 3), owner)
+
+    def place(self, number: int, page: NDArray[np.generic], values: NDArray[np.generic]) -> None:
+        """Write the values of a chunk's texels into an image of its page."""
+        tile = self.tiles[number]
+        page[tile.rows, tile.columns][self.mask(number)] = values
+
+    def mask(self, number: int) -> NDArray[np.bool_]:
+        """Image of a tile: which of its texels lie on the surface, in the order of the chunk."""
+        tile = self.tiles[number]
+        shape = (tile.rows.stop - tile.rows.start, tile.columns.stop - tile.columns.start)
+        bits = np.frombuffer(self.scratch.read(tile.start, _mask_bytes(tile)), np.uint8)
+        return np.unpackbits(bits, count=shape[0] * shape[1]).reshape(shape).view(bool)
+
+    def inside(self, page: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+        """(h, w) which texels of a page lie on the surface."""
+        out = np.zeros(shape[:2], bool)
+        for number, tile in enumerate(self.tiles):
+            if tile.page == page:
+                out[tile.rows, tile.columns] = self.mask(number)
+        return out
+
+    def owners_at(self, number: int, chosen: NDArray[np.bool_]) -> NDArray[np.int32]:
+        """The faces of chosen texels (an image of the tile, only texels on the surface)."""
+        return self.chunk(number).owner[chosen[self.mask(number)]]
+
+
+def _mask_bytes(tile: Tile) -> int:
+    texels = (tile.rows.stop - tile.rows.start) * (tile.columns.stop - tile.columns.start)
+    return -(-texels // 8)
+
+
+def _write_page(
+    page: int,
+    faces: NDArray[np.int32],
+    frames: Floats,
+    scratch: Scratch,
+    growing: NDArray[np.bool_] | None,
+) -> list[Tile]:
+    """The tiles of a page; each: which texels, then their faces, then their positions."""
+    height, width = faces.shape
+    corners = [(y, x) for y in range(0, height, TILE) for x in range(0, width, TILE)]
+    tiles: list[Tile | None] = [None] * len(corners)
+
+    def one(number: int) -> None:
+        y, x = corners[number]
+        rows, columns = slice(y, min(y + TILE, height)), slice(x, min(x + TILE, width))
+        part = faces[rows, columns]
+        if growing is not None:
+            part = _grown(faces, rows, columns, growing)
+        mask = part >= 0
+        inside = np.flatnonzero(mask)
+        if len(inside):
+            owner = part.ravel().take(inside)
+            row, column = np.divmod(inside.astype(np.int32), np.int32(part.shape[1]))
+            xyz = on_surface(frames, owner, column + np.float32(x + 0.5), row + np.float32(y + 0.5))
+            parts = np.packbits(mask).tobytes(), owner.data.cast("B"), xyz.data.cast("B")
+            tiles[number] = Tile(page, rows, columns, len(inside), scratch.append(*parts))
+
+    in_parallel(one, range(len(corners)))
+    return [tile for tile in tiles if tile is not None]
+
+
+def _grown(
+    faces: NDArray[np.int32], rows: slice, columns: slice, growing: NDArray[np.bool_]
+) -> NDArray[np.int32]:
+    """Part of an image of faces in which growing ones have spread into empty texels."""
+    top, left = max(rows.start - GUTTER, 0), max(columns.start - GUTTER, 0)
+    part = faces[top : rows.stop + GUTTER, left : columns.stop + GUTTER]
+    for _ in range(GUTTER):
+        source = np.where(growing[part], part, -1).astype(np.float32)  # exact up to 16 M faces
+        spread = cv2.dilate(source, np.ones((3, 3), np.uint8)).astype(np.int32)
+        part = np.where(part < 0, spread, part)
+    part = part[rows.start - top :, columns.start - left :]
+    return part[: rows.stop - rows.start, : columns.stop - columns.start].copy()
+
+
+def on_surface(frames: Floats, owner: NDArray[np.int32], x: Floats, y: Floats) -> Floats:
+    """(n, 3) points of page positions (x, y), each in the plane of the frame of its owner."""
+    dx = x - frames[9].take(owner)
+    dy = y - frames[10].take(owner)
+    columns = []
+    for axis in range(3):
+        along = frames[3 + axis].take(owner)
+        along *= dx
+        down = frames[6 + axis].take(owner)
+        down *= dy
+        along += down
+        along += frames[axis].take(owner)
+        columns.append(along)
+    return cv2.merge(columns).reshape(-1, 3)
+
+
+def surface_frames(corners: NDArray[np.float64], uv: NDArray[np.float64]) -> Floats:
+    """(11, F) float32 map from page to surface per face: a point on the surface (3), its steps per
+    texel to the right (3) and down (3), and the page position of the point (2).
+    """
+    e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    (a, b), (c, d) = (uv[:, 1] - uv[:, 0]).T, (uv[:, 2] - uv[:, 0]).T
+    det = a * d - b * c
+    det = np.where(np.abs(det) > 1e-12, det, np.inf)[:, None]
+    right = (e1 * d[:, None] - e2 * b[:, None]) / det
+    down = (e2 * a[:, None] - e1 * c[:, None]) / det
+    rows = np.concatenate([corners[:, 0], right, down, uv[:, 0]], axis=1)
+    return np.ascontiguousarray(rows.T, np.float32)
+
+
+def _texel_edge(mesh: Mesh, uv: NDArray[np.float64]) -> Floats:
+    """(F,) edge on the surface of the square that a texel stands for."""
+    (a, b), (c, d) = (uv[:, 1] - uv[:, 0]).T, (uv[:, 2] - uv[:, 0]).T
+    area_px = 0.5 * np.abs(a * d - b * c)
+    return np.sqrt(face_areas(mesh) / np.maximum(area_px, 1e-12)).astype(np.float32)

@@ -1,0 +1,1 @@
+"""What each photo shows at each point of the surface."""

@@ -1,0 +1,72 @@
+"""How many texels the photos are worth, face by face."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from threading import Lock
+
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.camera import Camera
+from texproj.color.points.source import Chunk, Owners
+from texproj.color.sampling.depth_images import Depths
+from texproj.color.sampling.sample import project
+from texproj.color.sampling.view import PhotoView
+from texproj.color.weights.surface import facing, resolution, sight_of
+from texproj.mesh import Mesh, face_areas, face_normals
+from texproj.options import ColorOptions
+from texproj.resources.threads import in_parallel
+from texproj.unwrap.stretch import weighted_quantiles
+
+UNSEEN = 0.25
+"""Texels per unit of faces that no photo sees, against the median of the others."""
+
+CLOSEST = 0.98
+"""Part of the surface that gets the full resolution of its best photo: a few faces right in front
+of a camera do not decide the size of the texture."""
+
+
+def texels_per_unit(
+    mesh: Mesh, cameras: Sequence[Camera], depths: Depths, options: ColorOptions
+) -> NDArray[np.float64]:
+    """(F,) texels per mesh unit: pixels of the photo that resolves the face best, times
+    `options.texels_per_pixel`.
+    """
+    faces, lock = _faces(mesh), Lock()
+    best = np.zeros(len(mesh.faces))
+
+    def one(number: int) -> None:
+        camera = cameras[number]
+        depth_camera, depth = depths.read(number)
+        view = PhotoView(camera, depth_camera, depth)
+        sight = sight_of(faces, camera, depth_camera, 1, options)
+        pixels = resolution(faces, camera) * np.sqrt(np.maximum(facing(faces, camera), 0))
+        better = np.flatnonzero(np.where(sight.weight > 0, pixels, 0) > best).astype(np.int32)
+        if len(better) == 0:
+            return
+        weight = sight.weight.take(better)
+        project(Chunk(faces.center.take(better, axis=0), better), weight, sight, view)
+        with lock:
+            best[better] = np.maximum(best[better], np.where(weight > 0, pixels[better], 0))
+
+    in_parallel(one, range(len(cameras)))
+    seen = best > 0
+    if not seen.any():
+        return np.ones(len(best))
+    area = face_areas(mesh)
+    middle, closest = weighted_quantiles(best[seen], area[seen], (0.5, CLOSEST))
+    best = np.minimum(best, closest)
+    best[~seen] = UNSEEN * middle
+    return best * options.texels_per_pixel
+
+
+def _faces(mesh: Mesh) -> Owners:
+    """The faces, with spacing 1, so that `resolution` is pixels per unit."""
+    corners = (mesh.vertices - mesh.center)[mesh.faces]
+    return Owners(
+        mesh.center,
+        corners.mean(axis=1).astype(np.float32),
+        face_normals(mesh).astype(np.float32),
+        np.ones(len(corners), np.float32),
+    )

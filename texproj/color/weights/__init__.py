@@ -1,0 +1,1 @@
+"""How much a photo counts at a point: by the surface, and by the picture."""

@@ -1,0 +1,1 @@
+"""A camera by mutual information."""

@@ -1,0 +1,318 @@
+"""All photos together: cameras at which the photos agree with each other on the surface.
+
+After Dellepiane et al., "Global refinement of image-to-geometry registration for color
+projection", Digital Heritage 2013, with one sparse least squares over tied patches in place of
+mutual information photo by photo (ours). Each photo's own registration anchors the whole in the
+mesh's frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.arrays import Doubles
+from texproj.camera import Camera, Intrinsics
+from texproj.options import RefineOptions
+from texproj.register.joint.overlap import choose_partners, shared_views
+from texproj.register.joint.session import (
+    KEPT_PHOTOS,
+    Cameras,
+    Kept,
+    LoadPhoto,
+    Views,
+    anchor_points,
+)
+from texproj.register.joint.ties import TieSearch, find_ties
+from texproj.register.structure.view import Render
+from texproj.solve.joint import Anchors, JointPoses, Lenses, Ties
+from texproj.solve.lm import LmFit, LmOptions, Loss, minimize
+from texproj.solve.reprojection import Reprojection, projection_jacobian
+
+Pair = tuple[int, int]
+
+FIRST_RADIUS_PX, LATER_RADIUS_PX = 8, 5
+"""Search radius in the first round and once the photos are close, working pixels."""
+MOST_ROUNDS, FINE_ROUNDS = 8, 2
+"""Most rounds at the working size, where the cameras come to rest after five to eight, and at twice
+that size."""
+FOCAL_SIGMA = 0.02
+"""Trust in the focal length that the photos of one lens have found on average: relative."""
+LEAST_SUPPORT = 0.15
+"""A photo is thrown out if no partner confirms at least this share of its patches."""
+TIE_SIGMA_PX = 0.5
+"""Noise of a tie, working pixels: what well registered photos of real scenes show."""
+TIE_LOSS = Loss("cauchy", 1.5)
+STEPS = LmOptions(max_iterations=15, cost_tolerance=1e-5)
+SETTLED_PX = 0.05
+"""Motion of the surface in the photos below which the cameras have stopped, working pixels."""
+ANCHOR_WEIGHT = 2.0
+"""For how many independent observations a photo's own registration counts."""
+LEAST_SOUGHT = 20
+"""Patches sought, or ties, below which nothing is concluded."""
+LEAST_POINTS = 6
+"""Surface points in view with which a pose can follow a change of the lens."""
+TIE_CORRELATION = 20.0
+"""How many ties share an error (shape of the mesh, light); widens the expected error."""
+SYSTEMATIC_PX = 0.2
+"""What more ties do not remove, working pixels: with thousands of ties a photo, two real scenes
+with known cameras end at 0.6 .. 0.8 full pixels of 2832 and 3072, whatever the covariance says."""
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """cameras: full size, as given where nothing could be said; thrown_out: why, by number, for
+    those that contradict the others; tied: numbers of those that were solved;
+    expected_error_px, motion_px: (n,) full-size pixels, NaN where not solved; quality: for the
+    report.
+    """
+
+    cameras: Cameras
+    thrown_out: dict[int, str]
+    tied: tuple[int, ...]
+    expected_error_px: Doubles
+    motion_px: Doubles
+    quality: dict[str, Any] = field(default_factory=dict)
+
+
+def refine(
+    cameras: Sequence[Camera],
+    sigma_px: Sequence[float],
+    fixed: Sequence[bool],
+    lenses: Sequence[Hashable],
+    load_photo: LoadPhoto,
+    render: Render,
+    options: RefineOptions | None = None,
+) -> Refined:
+    """Cameras that agree on the surface.
+
+    cameras: full size, registered to a few pixels; sigma_px: expected error of each, full-size
+    pixels; fixed: those that must not move and that the others follow; lenses: cameras of the same
+    lens have the same focal length; render: gives depth and normals for a camera.
+    """
+    options = options or RefineOptions()
+    held = np.array(fixed, bool)
+    points = anchor_points(cameras, render)
+    start, shared = _shared_lenses(cameras, points, lenses, held, options)
+    joint = _Joint(
+        tuple(cameras), start, np.array(sigma_px, float), held, shared, load_photo, render, points,
+        Kept(KEPT_PHOTOS),
+    )  # fmt: skip
+    pairs = choose_partners(*shared_views(start, render), options.partners)
+    found = joint.search(start, pairs, options.working_px, FIRST_RADIUS_PX)
+    strangers = joint.strangers(found, options)
+    if strangers:
+        kept = [k for k in range(len(cameras)) if k not in strangers]
+        rest = refine(
+            [cameras[k] for k in kept], [sigma_px[k] for k in kept], [fixed[k] for k in kept],
+            [lenses[k] for k in kept], lambda k, size: load_photo(kept[k], size), render, options,
+        )  # fmt: skip
+        return _with_strangers(rest, kept, joint.given, strangers)
+    confirmed = joint.confirmed(found, options)
+    pairs = [(i, j) for i, j in pairs if {i, j} <= confirmed]
+    now, fit, rounds = start, None, 0
+    for longest, most in _schedule(options):
+        for _ in range(most if pairs else 0):
+            before, rounds = now, rounds + 1
+            if rounds > 1:
+                found = joint.search(before, pairs, longest, LATER_RADIUS_PX)
+            ties = Ties.joined([found[pair].ties for pair in pairs])
+            if len(ties) < LEAST_SOUGHT:
+                break
+            now, fit = joint.solve(before, ties, longest)
+            if (joint.motion_px(before, now) * joint.working_scale(longest)).max() < SETTLED_PX:
+                break
+    tied = tuple(int(k) for k in np.unique([ties.to, ties.source])) if fit else ()
+    numbers: dict[str, Any] = {"rounds": rounds, "pairs": len(pairs)}
+    if fit is not None:
+        apart = np.linalg.norm(fit.residual, axis=1) * TIE_SIGMA_PX
+        numbers["tie_residual_working_px"] = float(np.nanmedian(apart))
+    return joint.outcome(now, tied, fit, numbers, options.working_px)
+
+
+def _schedule(options: RefineOptions) -> list[tuple[int, int]]:
+    """(working size, most rounds there)."""
+    return [(options.working_px, MOST_ROUNDS), (2 * options.working_px, FINE_ROUNDS)]
+
+
+@dataclass(frozen=True, eq=False)
+class _Joint:
+    """What stays the same over all rounds; points: per camera, what its own registration saw."""
+
+    given: Cameras
+    start: Cameras
+    sigma_px: Doubles
+    fixed: NDArray[np.bool_]
+    lenses: Lenses
+    load_photo: LoadPhoto
+    render: Render
+    points: list[Doubles]
+    photos: Kept[tuple[int, int], Any]
+
+    def working_scale(self, longest: int) -> Doubles:
+        """(n,) pixels of each reduced photo per pixel of the full one."""
+        return np.array([min(1.0, longest / max(c.width, c.height)) for c in self.given])
+
+    def search(
+        self, cameras: Cameras, pairs: list[Pair], longest: int, radius_px: int
+    ) -> dict[Pair, TieSearch]:
+        """Ties of all pairs, positions in full-size pixels."""
+        views = Views(cameras, self.photos, longest, self.load_photo, self.render)
+        found = {}
+        for i, j in pairs:
+            one = find_ties(i, j, views, radius_px)
+            to_full = cameras[i].width / views[i].camera.width
+            found[i, j] = replace(one, ties=_at_full_size(one.ties, to_full, cameras[j]))
+        return found
+
+    def strangers(self, found: dict[Pair, TieSearch], options: RefineOptions) -> dict[int, str]:
+        """The photo whose surface no partner confirms, if its partners are credible: another photo
+        confirms one of them. One at a time, the least confirmed first.
+        """
+        best = _best_support(found)
+        credible = self.confirmed(found, options)
+        doubted = [
+            k for k in best
+            if k not in credible and not self.fixed[k]
+            and any(k in pair and credible & set(pair) for pair in found)
+        ]  # fmt: skip
+        if not doubted:
+            return {}
+        worst = min(doubted, key=lambda k: best[k])
+        return {
+            worst: "no other photo shows the same surface where this camera sees it (at best "
+            f"{best[worst]:.0%} of the patches agree); check its picks or its start"
+        }
+
+    def confirmed(self, found: dict[Pair, TieSearch], options: RefineOptions) -> set[int]:
+        """Photos of which at least one partner shows the same surface at the same place."""
+        return {k for k, share in _best_support(found).items() if share >= LEAST_SUPPORT}
+
+    def solve(self, cameras: Cameras, joined: Ties, longest: int) -> tuple[Cameras, LmFit[Cameras]]:
+        """Move all tied cameras at once."""
+        sigma = TIE_SIGMA_PX / self.working_scale(longest)
+        tied = np.isin(np.arange(len(cameras)), [joined.to, joined.source])
+        problem = JointPoses(joined, self._anchors(), self.lenses, sigma, self.fixed | ~tied)
+        fit = minimize(problem, cameras, TIE_LOSS, STEPS)
+        return fit.x, fit
+
+    def motion_px(self, before: Cameras, after: Cameras) -> Doubles:
+        """(n,) mean motion of the surface in each photo, full-size pixels."""
+        motion = np.zeros(len(before))
+        for k, points in enumerate(self.points):
+            shift = after[k].project(points)[0] - before[k].project(points)[0]
+            motion[k] = np.nanmean(np.linalg.norm(shift, axis=1)) if len(points) else 0
+        return motion
+
+    def outcome(
+        self, cameras: Cameras, tied: tuple[int, ...], fit: LmFit[Cameras] | None,
+        quality: dict[str, Any], longest: int,
+    ) -> Refined:  # fmt: skip
+        """The result with its expected errors."""
+        error, motion = np.full(len(cameras), np.nan), np.full(len(cameras), np.nan)
+        if fit is not None:
+            systematic_px = SYSTEMATIC_PX / self.working_scale(longest)
+            covariance = fit.covariance(max(fit.scatter2, 0.1) * TIE_CORRELATION)
+            for k in tied:
+                block = covariance[6 * k : 6 * k + 6, 6 * k : 6 * k + 6]
+                spread = _spread_px(cameras[k], self.points[k], block)
+                error[k] = 0.0 if self.fixed[k] else float(np.hypot(spread, systematic_px[k]))
+            quality["focal_px"] = [round(c.intrinsics.fx, 2) for c in cameras]
+            motion = np.where(
+                np.isin(np.arange(len(motion)), tied), self.motion_px(self.given, cameras), np.nan
+            )
+            quality["ties"] = len(fit.residual)
+        return Refined(cameras, {}, tied, error, motion, quality)
+
+    def _anchors(self) -> Anchors:
+        count = np.array([len(p) for p in self.points])
+        camera = np.repeat(np.arange(len(count)), count)
+        px = [c.project(p)[0] for c, p in zip(self.given, self.points, strict=True)]
+        sigma = np.repeat(self.sigma_px * np.sqrt(count / ANCHOR_WEIGHT), count)
+        return Anchors(camera, np.concatenate(self.points), np.concatenate(px), sigma)
+
+
+def _best_support(found: dict[Pair, TieSearch]) -> dict[int, float]:
+    """By photo, the largest share of patches that a partner confirms; photos of which too little
+    could be sought are not in it.
+    """
+    best: dict[int, float] = {}
+    for pair, search in found.items():
+        if search.sought >= LEAST_SOUGHT:
+            for k in pair:
+                best[k] = max(best.get(k, 0.0), search.support)
+    return best
+
+
+def _shared_lenses(
+    cameras: Sequence[Camera], points: list[Doubles], lenses: Sequence[Hashable],
+    fixed: NDArray[np.bool_], options: RefineOptions,
+) -> tuple[Cameras, Lenses]:  # fmt: skip
+    """The cameras with the median focal length of their lens, and what is shared."""
+    names = list(dict.fromkeys(lenses))
+    group = np.array([names.index(lens) for lens in lenses])
+    log_focal = np.log([camera.intrinsics.fx for camera in cameras])
+    free = np.array([not fixed[group == g].any() for g in range(len(names))])
+    common = np.array([np.median(log_focal[group == g]) for g in range(len(names))])
+    start = tuple(
+        _relensed(camera, _common_lens(k, group, cameras), points[k]) if free[g] else camera
+        for k, (camera, g) in enumerate(zip(cameras, group, strict=True))
+    )
+    return start, Lenses(group, common, FOCAL_SIGMA, free)
+
+
+def _common_lens(k: int, group: NDArray[np.intp], cameras: Sequence[Camera]) -> Intrinsics:
+    """The median of what the photos of one lens have found for it: focal length over all,
+    principal point and distortion over those of the same format.
+    """
+    own = cameras[k].intrinsics
+    alike = [c.intrinsics for c, g in zip(cameras, group, strict=True) if g == group[k]]
+    fx = float(np.exp(np.median(np.log([lens.fx for lens in alike]))))
+    same = [
+        lens for lens in alike
+        if (lens.width, lens.height, len(lens.dist)) == (own.width, own.height, len(own.dist))
+    ]  # fmt: skip
+    aspect = float(np.median([lens.fy / lens.fx for lens in same]))
+    cx, cy = np.median([(lens.cx, lens.cy) for lens in same], axis=0)
+    dist = np.median([lens.dist for lens in same], axis=0)
+    return replace(own, fx=fx, fy=fx * aspect, cx=float(cx), cy=float(cy), dist=tuple(dist))
+
+
+def _relensed(camera: Camera, lens: Intrinsics, points: Doubles) -> Camera:
+    """The camera with another lens, at the pose from which the surface looks most the same."""
+    xy, _ = camera.project(points)
+    usable = np.isfinite(xy).all(axis=1)
+    if lens == camera.intrinsics or usable.sum() < LEAST_POINTS:
+        return Camera(lens, camera.pose)
+    problem = Reprojection(xy[usable], points[usable])
+    return minimize(problem, Camera(lens, camera.pose)).x
+
+
+def _with_strangers(
+    rest: Refined, kept: list[int], given: Cameras, strangers: dict[int, str]
+) -> Refined:
+    """The result of the others among all cameras: a stranger changes nothing of it."""
+    cameras, nothing = list(given), np.full(len(given), np.nan)
+    error, motion = nothing.copy(), nothing.copy()
+    for position, k in enumerate(kept):
+        cameras[k] = rest.cameras[position]
+        error[k], motion[k] = rest.expected_error_px[position], rest.motion_px[position]
+    thrown_out = {**strangers, **{kept[k]: why for k, why in rest.thrown_out.items()}}
+    tied = tuple(kept[k] for k in rest.tied)
+    return Refined(tuple(cameras), thrown_out, tied, error, motion, rest.quality)
+
+
+def _at_full_size(ties: Ties, to_full: float, source: Camera) -> Ties:
+    focal = np.full(len(ties), source.intrinsics.fx)
+    return replace(ties, to_px=ties.to_px * to_full, focal_in_source=focal)
+
+
+def _spread_px(camera: Camera, points: Doubles, covariance: Doubles) -> float:
+    """Root mean square image deviation of the surface under the pose's covariance."""
+    jacobian = projection_jacobian(camera, points)
+    variance = jacobian @ covariance @ jacobian.transpose(0, 2, 1)
+    return float(np.sqrt(np.trace(variance, axis1=1, axis2=2).mean()))

@@ -1,0 +1,80 @@
+"""What the joint refinement works on: the photos at reduced size, seen through the mesh."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Sequence
+from typing import TypeVar
+
+import numpy as np
+
+from texproj.arrays import Doubles
+from texproj.camera import Camera
+from texproj.photo import Photo
+from texproj.register.joint.ties import PhotoView, photo_view
+from texproj.register.structure.view import Render
+
+Cameras = tuple[Camera, ...]
+LoadPhoto = Callable[[int, int], Photo]
+"""``load_photo(number, longest)``: the photo with its longer side reduced to `longest`."""
+
+KEPT_PHOTOS, KEPT_VIEWS = 48, 8
+"""How many reduced photos, and how many of them with their renderings, stay in memory."""
+ANCHOR_POINTS = 24
+
+K = TypeVar("K", bound=Hashable)
+V = TypeVar("V")
+
+
+class Kept(OrderedDict[K, V]):
+    """The values last asked for, at most `limit` of them."""
+
+    def __init__(self, limit: int) -> None:
+        super().__init__()
+        self._limit = limit
+
+    def fetch(self, key: K, make: Callable[[], V]) -> V:
+        """The value of `key`, made if it is not there."""
+        if key not in self:
+            self[key] = make()
+            if len(self) > self._limit:
+                self.popitem(last=False)
+        self.move_to_end(key)
+        return self[key]
+
+
+class Views:
+    """Photos with their renderings at one working size, for given cameras."""
+
+    def __init__(
+        self, cameras: Cameras, photos: Kept[tuple[int, int], Photo], longest: int,
+        load_photo: LoadPhoto, render: Render,
+    ) -> None:  # fmt: skip
+        self._cameras, self._photos, self._longest = cameras, photos, longest
+        self._load, self._render = load_photo, render
+        self._kept: Kept[int, PhotoView] = Kept(KEPT_VIEWS)
+
+    def __getitem__(self, k: int) -> PhotoView:
+        return self._kept.fetch(k, lambda: self._make(k))
+
+    def _make(self, k: int) -> PhotoView:
+        key = (k, self._longest)
+        photo = self._photos.fetch(key, lambda: self._load(k, self._longest))
+        camera = self._cameras[k].resized(photo.width, photo.height)
+        return photo_view(camera, photo.gray(), self._render(camera), photo.mask)
+
+
+def anchor_points(cameras: Sequence[Camera], render: Render) -> list[Doubles]:
+    """For each camera (n, 3) world points of the surface, spread over its picture."""
+    return [_spread_points(camera.scaled(256 / camera.width), render) for camera in cameras]
+
+
+def _spread_points(camera: Camera, render: Render) -> Doubles:
+    depth = render(camera).depth
+    assert depth is not None
+    row, column = np.nonzero(np.isfinite(depth))
+    if not len(row):
+        return np.zeros((0, 3))
+    order = np.random.default_rng(0).permutation(len(row))[:ANCHOR_POINTS]
+    row, column = row[order], column[order]
+    return camera.unproject(np.stack([column, row], axis=1) + 0.5, depth[row, column])

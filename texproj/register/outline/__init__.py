@@ -1,0 +1,1 @@
+"""A camera from the outline of the object."""

@@ -1,0 +1,1 @@
+"""A camera from picked pairs of pixels and mesh points."""

@@ -1,0 +1,1 @@
+"""A camera from edges of the bare mesh found in the photo."""

@@ -1,0 +1,1 @@
+"""What the machine lends: threads, memory, scratch space."""
