@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from texproj.arrays import Doubles
 from texproj.register.block.decide import Judged, matched_fit, tightened
 from texproj.register.block.placed_block import PatchFit, PlacedBlock
 from texproj.register.block.witnesses import Witness
-from texproj.register.structure_solve import NEAR
+from texproj.register.structure.solve import NEAR
 from texproj.solve.lm import LmFit
-
-Doubles = NDArray[np.float64]
 
 SYSTEMATIC = 0.45
 """Error that all patches share (light from above, mostly), relative to their median offset."""

@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from texproj.arrays import Doubles, Floats, Index
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.block.scan_samples import middle_and_size
 from texproj.register.block.similarity import Similarity
-
-Floats = NDArray[np.float32]
-Doubles = NDArray[np.float64]
 
 MOST_ERROR_PX, LEAST_ANGLE_RAD = 1.5, np.radians(2.0)
 """Points with a larger reprojection error or a smaller angle between their rays are left out ..."""
@@ -54,14 +51,14 @@ class Cloud:
         return cls(Similarity(size, np.eye(3), middle), xyz, eye.astype(np.float32), toward)
 
 
-def _well_measured(block: Reconstruction) -> NDArray[np.intp]:
+def _well_measured(block: Reconstruction) -> Index:
     good = (block.error_px < MOST_ERROR_PX) & (block.angle_rad > LEAST_ANGLE_RAD)
     if good.sum() < LEAST_POINTS:
         good = np.ones(len(good), bool)
     return np.flatnonzero(good)
 
 
-def _evenly(xyz: Doubles, rng: np.random.Generator) -> NDArray[np.intp]:
+def _evenly(xyz: Doubles, rng: np.random.Generator) -> Index:
     """An order in which the first point of every cell comes first, then the second, and so on."""
     shuffled = rng.permutation(len(xyz))
     cell = np.unique(np.floor(xyz[shuffled] / CELL), axis=0, return_inverse=True)[1].ravel()
@@ -73,8 +70,6 @@ def _evenly(xyz: Doubles, rng: np.random.Generator) -> NDArray[np.intp]:
     return shuffled[np.argsort(turn, kind="stable")]
 
 
-def _viewers(
-    block: Reconstruction, points: NDArray[np.intp], rng: np.random.Generator
-) -> NDArray[np.intp]:
+def _viewers(block: Reconstruction, points: Index, rng: np.random.Generator) -> Index:
     """(n,) for each of `points` the number of one of the cameras that saw it."""
     return np.array([rng.choice(block.seen_by[p]) for p in points], np.intp)

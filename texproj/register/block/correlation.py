@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, ndimage
 
+from texproj.arrays import Doubles, Floats, Ints
 from texproj.register.block.cloud import Cloud
 from texproj.register.block.hypotheses import Hypotheses
 from texproj.register.block.scan_samples import ScanSamples
 
-Floats = NDArray[np.float32]
 Complexes = NDArray[np.complexfloating]
 
 VOXEL = 1 / 6
@@ -68,7 +68,7 @@ class _Template:
 
 
 def correlated(
-    cloud: Cloud, scan: ScanSamples, rotations: NDArray[np.float64], scales: tuple[float, ...]
+    cloud: Cloud, scan: ScanSamples, rotations: Doubles, scales: tuple[float, ...]
 ) -> Hypotheses:
     """The `SHIFTS_EACH` best shifts for each rotation and scale, with their correlation."""
     low, occupied = _occupied(scan, max(scales))
@@ -97,14 +97,14 @@ def _within(xyz: Floats) -> Floats:
     return xyz[np.einsum("ij,ij->i", xyz, xyz) < REACH**2]
 
 
-def _cells(xyz: Floats, turn: Floats, edge: int, center: int) -> NDArray[np.int64]:
+def _cells(xyz: Floats, turn: Floats, edge: int, center: int) -> Ints:
     """Flat numbers of the voxels in which points lie, the block's middle in voxel `center`."""
     where = np.floor(xyz @ turn.T + np.float32(0.5)).astype(np.int64) + center
     where = where[((where >= 0) & (where < edge)).all(axis=1)]
     return (where[:, 0] * edge + where[:, 1]) * edge + where[:, 2]
 
 
-def _occupied(scan: ScanSamples, scale: float) -> tuple[NDArray[np.float64], Floats]:
+def _occupied(scan: ScanSamples, scale: float) -> tuple[Doubles, Floats]:
     """Lower corner, and how much mesh each voxel holds, with room for the template around."""
     room = int(np.ceil(REACH * scale / VOXEL / 2)) + 1
     reach = VOXEL * (LARGEST_GRID / 2 - room)

@@ -10,17 +10,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from texproj.arrays import Doubles
 from texproj.register.block.placed_block import Matched, PatchFit, PlacedBlock
 from texproj.register.block.propose import Place
 from texproj.register.block.witnesses import Witness
-from texproj.register.structure_solve import CHECK, NEAR, WIDE, explained_share, found_share
-from texproj.register.structure_start import motion_px
-from texproj.register.structure_view import PatchRule, StructureView
+from texproj.register.structure.solve import CHECK, NEAR, WIDE, explained_share, found_share
+from texproj.register.structure.starts import motion_px
+from texproj.register.structure.view import PatchRule, StructureView
 from texproj.solve.lm import LmFit, LmOptions, Loss, minimize
-
-Doubles = NDArray[np.float64]
 
 ROUNDS: tuple[tuple[PatchRule, tuple[float, ...]], ...] = (
     (WIDE, (6.0, 3.0)),

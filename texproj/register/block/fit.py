@@ -6,9 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from texproj.arrays import Doubles
 from texproj.camera import Camera
 from texproj.register.block.similarity import Similarity
 
@@ -28,8 +26,8 @@ class BlockFit:
     """
 
     world_from_block: Similarity
-    sigma: NDArray[np.float64]
-    pivot: NDArray[np.float64]
+    sigma: Doubles
+    pivot: Doubles
     focal_factor: float
     cameras: Mapping[str, Camera]
     expected_error_percent: float

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Bools, Doubles, Floats
 from texproj.register.block.similarity import Similarity
-
-Doubles = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,13 +27,13 @@ class Hypotheses:
     def __len__(self) -> int:
         return len(self.scale)
 
-    def __getitem__(self, which: NDArray[np.integer] | NDArray[np.bool_] | slice) -> Hypotheses:
+    def __getitem__(self, which: NDArray[np.integer] | Bools | slice) -> Hypotheses:
         return Hypotheses(self.R[which], self.scale[which], self.t[which], self.score[which])
 
     def similarity(self, i: int) -> Similarity:
         return Similarity(float(self.scale[i]), self.R[i], self.t[i])
 
-    def apply(self, xyz: NDArray[np.floating]) -> NDArray[np.float32]:
+    def apply(self, xyz: NDArray[np.floating]) -> Floats:
         """(h, n, 3) where each puts (n, 3) points of the block."""
         turns = (self.scale[:, None, None] * self.R).transpose(0, 2, 1).astype(np.float32)
         return xyz.astype(np.float32) @ turns + self.t[:, None].astype(np.float32)

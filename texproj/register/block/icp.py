@@ -10,13 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from texproj.arrays import Floats
 from texproj.register.block.hypotheses import Hypotheses
 from texproj.register.block.rotations import exponentials
 from texproj.register.block.scan_samples import NearestTable, ScanSamples
-
-Floats = NDArray[np.float32]
 
 CHUNK = 40_000
 """Points times places worked on at once: what stays in the processor's cache."""

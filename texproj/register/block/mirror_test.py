@@ -11,15 +11,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from texproj.arrays import Doubles
 from texproj.register.block.cloud import Cloud
 from texproj.register.block.decide import Judged, judged
 from texproj.register.block.propose import Proposer
 from texproj.register.block.witnesses import Witness
-from texproj.register.mirror import FLIP
-from texproj.register.structure_solve import found_share
-from texproj.register.verdict import DETAIL_WITHIN_PX, DETAILS
+from texproj.register.structure.mirror import FLIP
+from texproj.register.structure.solve import found_share
+from texproj.register.structure.verdict import DETAIL_WITHIN_PX, DETAILS
 
 LEAST_LIKENESS = 0.5
 """Lines of sight of the mirrored block, and its patches, relative to those of the block itself,
@@ -93,7 +93,7 @@ def _details(witnesses: Sequence[Witness], at: Judged) -> list[float]:
     return shares
 
 
-def _student(differences: NDArray[np.float64]) -> float:
+def _student(differences: Doubles) -> float:
     """Student's t of the mean of (n,) differences; 0 for less than two."""
     n = len(differences)
     if n < 2:

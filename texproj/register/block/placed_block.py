@@ -6,14 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from texproj.arrays import Doubles
 from texproj.camera import Camera
 from texproj.register.block.similarity import Similarity
-from texproj.register.structure_view import Observation, StructureView
+from texproj.register.structure.view import Observation, StructureView
 from texproj.solve.reprojection import projection_jacobian
-
-Doubles = NDArray[np.float64]
 
 FOCAL_SIGMA = 0.01
 """Relative standard deviation by which structure from motion may be off in all focal lengths at

@@ -9,9 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from texproj.arrays import Doubles
 from texproj.register.block.cloud import Cloud
 from texproj.register.block.correlation import correlated
 from texproj.register.block.hypotheses import Hypotheses
@@ -20,8 +18,6 @@ from texproj.register.block.rotations import spread_rotations
 from texproj.register.block.scan import Scan
 from texproj.register.block.sight_lines import SightLines
 from texproj.register.block.similarity import Similarity
-
-Doubles = NDArray[np.float64]
 
 ROTATIONS = 552
 """About 30 degrees between neighbors: within the reach of the closest points."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Doubles = NDArray[np.float64]
+from texproj.arrays import Doubles
 
 PSI = 1.533751168755204288118041
 """The real root of psi^4 = psi + 4."""

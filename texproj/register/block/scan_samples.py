@@ -10,12 +10,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
+from texproj.arrays import Bools, Doubles, Floats
 from texproj.mesh import Mesh, face_cross, norms
 from texproj.register.block.similarity import Similarity
-
-Floats = NDArray[np.float32]
-Doubles = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 SAMPLES = 40_000
 NEIGHBORS = 24

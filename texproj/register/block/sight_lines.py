@@ -7,14 +7,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from texproj.arrays import Bools, Floats
 from texproj.register.block.cloud import Cloud
 from texproj.register.block.hypotheses import Hypotheses
 from texproj.register.block.scan import Scan
-
-Floats = NDArray[np.float32]
-Bools = NDArray[np.bool_]
 
 LINES = 400
 

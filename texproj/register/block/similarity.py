@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from texproj.arrays import Doubles
 from texproj.camera import Camera, Pose
-
-Doubles = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

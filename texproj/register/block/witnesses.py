@@ -12,8 +12,8 @@ from texproj.camera import Camera, Pose
 from texproj.errors import InputError
 from texproj.photo import Photo
 from texproj.register.block.reconstruction import Reconstruction
-from texproj.register.mirror import FLIP, mirrored_intrinsics
-from texproj.register.structure_view import Render, StructureView
+from texproj.register.structure.mirror import FLIP, mirrored_intrinsics
+from texproj.register.structure.view import Render, StructureView
 
 LoadPhoto = Callable[[str], Photo]
 
