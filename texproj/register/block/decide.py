@@ -15,7 +15,7 @@ from texproj.arrays import Doubles
 from texproj.register.block.placed_block import Matched, PatchFit, PlacedBlock
 from texproj.register.block.propose import Place
 from texproj.register.block.witnesses import Witness
-from texproj.register.structure.solve import CHECK, NEAR, WIDE, explained_share, found_share
+from texproj.register.structure.solve import CHECK, NEAR, WIDE, found_share
 from texproj.register.structure.starts import motion_px
 from texproj.register.structure.view import PatchRule, StructureView
 from texproj.solve.lm import LmFit, LmOptions, Loss, minimize
@@ -29,8 +29,6 @@ ROUNDS: tuple[tuple[PatchRule, tuple[float, ...]], ...] = (
 STEPS = LmOptions(max_iterations=20, cost_tolerance=1e-4)
 LEAST_MATCHES = 60
 """Matches in all photos together below which nothing is concluded."""
-HOPELESS = 0.0
-"""Share of patches that agree on a move of the block below which it is not followed further."""
 SURE_SUPPORT = 0.45
 """Share of patches in place from which on no further scales are tried."""
 SAME_PLACE = 0.02
@@ -62,8 +60,6 @@ def judged(witnesses: Sequence[Witness], place: Place) -> Judged:
         if fit.matches < LEAST_MATCHES:
             return Judged(place, placed, 0.0, (0.0,) * len(views), ())
         placed = tightened(fit, placed, scales).x
-        if explained(fit, placed) < HOPELESS:
-            return Judged(place, placed, 0.0, (0.0,) * len(views), ())
     checks = [
         view.observe(placed.camera(w.in_block), CHECK)
         for w, view in zip(witnesses, views, strict=True)
@@ -95,11 +91,6 @@ def tightened(fit: PatchFit, placed: PlacedBlock, scales: Sequence[float]) -> Lm
         found = minimize(fit, placed, Loss("geman-mcclure", scale), STEPS)
         placed = found.x
     return found
-
-
-def explained(fit: PatchFit, placed: PlacedBlock) -> float:
-    """Mean share, over photos, of the patches sought of which a match is where `placed` says."""
-    return float(np.mean([explained_share(p.seen, p.camera(placed)) for p in fit.photos]))
 
 
 def same_place(witnesses: Sequence[Witness], a: Judged, b: Judged) -> bool:

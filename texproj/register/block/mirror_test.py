@@ -77,7 +77,7 @@ def _rival(proposer: Proposer, others: Sequence[Witness], own: Judged) -> Judged
     """
     mirrored = replace(proposer, cloud=mirrored_cloud(proposer.cloud))
     size = own.place.unit / proposer.scan.samples.world_from_unit.scale
-    places = mirrored.places((size,), lambda _: None)
+    places = mirrored.places((size,))
     alike = [p for p in places if p.sight > LEAST_LIKENESS * own.place.sight][:TRIED]
     return max((judged(others, p) for p in alike), key=lambda j: j.support, default=None)
 

@@ -35,6 +35,8 @@ ASKED, ASKED_AT_LAST = 5, 8
 """Photos that are asked about every place, and about the best."""
 TRIED = 6
 """Places of a batch of scales that the photos are asked about, at most."""
+NEARBY = 0.2
+"""Mean distance of the points, sizes of the block, from which the photos still lead home."""
 WORTH_TRYING = 0.3
 """... and only those whose lines of sight are at least so good, relative to the best known."""
 
@@ -60,10 +62,11 @@ def place_block(
             f"the photos have only {len(cloud)} points in common, too few to see the mesh's shape "
             "in (pick 4 points in one of them)"
         )
-    witnesses, broken = called(block, load_photo, render, ASKED_AT_LAST)
+    scan = Scan.of(mesh, seed)
+    witnesses, broken = called(block, load_photo, render, scan.surface, ASKED_AT_LAST)
     if not witnesses:
         raise RegistrationError(next(iter(broken.values()), "the block has no photos"))
-    search = _Search(Proposer(cloud, Scan.of(mesh, seed)), witnesses[:ASKED], told)
+    search = _Search(Proposer(cloud, scan), witnesses[:ASKED], told)
     return _concluded(search.run(), search, block, witnesses, broken)
 
 
@@ -81,15 +84,26 @@ class _Search:
         for k, scales in enumerate(SCALE_BATCHES):
             share = k / len(SCALE_BATCHES)
             self.told("comparing the photos' points with the mesh", share)
-            places = self.proposer.places(scales, lambda _: None)
-            for place in self._worth_asking(places, found):
-                self.told("asking the photos", share)
-                found.append(judged(self.witnesses, place))
-                if self._decided(found):
-                    break
-            if found and max(j.support for j in found) >= SURE_SUPPORT:
+            places = self.proposer.places(scales)
+            self.told("asking the photos", share)
+            self._ask(self._worth_asking(places, found), found)
+            if found and _best(found).support >= SURE_SUPPORT:
                 break
         return sorted(found, key=lambda j: -j.support)
+
+    def _ask(self, places: list[Place], found: list[Judged]) -> None:
+        """Adds to `found`, until the photos are sure of one place and another was tried."""
+        for place in places:
+            if not self._near_the_sure(place, found):
+                found.append(judged(self.witnesses, place))
+            if self._decided(found):
+                return
+
+    def _near_the_sure(self, place: Place, found: list[Judged]) -> bool:
+        """Nothing new is to be learnt of a place from which the photos would lead to the best."""
+        if not found or _best(found).support < SURE_SUPPORT:
+            return False
+        return self.proposer.gap(place, _best(found).place) < NEARBY
 
     def _worth_asking(self, places: list[Place], found: list[Judged]) -> list[Place]:
         best = max([p.sight for p in places] + [j.place.sight for j in found], default=0.0)
@@ -97,10 +111,16 @@ class _Search:
 
     def _decided(self, found: list[Judged]) -> bool:
         """The photos are sure of one place, and another was tried."""
-        best = max(found, key=lambda j: j.support)
+        if not found:
+            return False
+        best = _best(found)
         if best.support < SURE_SUPPORT:
             return False
         return any(not same_place(self.witnesses, best, other) for other in found)
+
+
+def _best(found: list[Judged]) -> Judged:
+    return max(found, key=lambda j: j.support)
 
 
 def _concluded(
@@ -119,7 +139,8 @@ def _concluded(
     others = [j.support for j in found[1:] if not same_place(search.witnesses, best, j)]
     rival = max(others, default=0.0)
     search.told("looking at details", 0.7)
-    sure = certainty(witnesses, best)
+    proposer = search.proposer
+    sure = certainty(witnesses, best, proposer.cloud, proposer.scan.samples)
     reason = _refusal(best.support, rival)
     mirror = MirrorTest(0.0)
     if not reason:
@@ -140,6 +161,7 @@ def _concluded(
         quality={
             "sight": best.place.sight,
             "places_tried": len(found),
+            "structure_percent": sure.structure_percent,
             "photos_asked": [w.name for w in witnesses],
             "photos_unreadable": broken,
         },

@@ -6,8 +6,9 @@ and scales, closest points for all that it found, lines of sight to rank them: m
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+
+import numpy as np
 
 from texproj.arrays import Doubles
 from texproj.register.block.cloud import Cloud
@@ -58,20 +59,24 @@ class Proposer:
     cloud: Cloud
     scan: Scan
 
-    def places(self, scales: tuple[float, ...], told: Callable[[float], None]) -> list[Place]:
+    def places(self, scales: tuple[float, ...]) -> list[Place]:
         """Distinct places at about these scales, those with the best lines of sight first.
 
-        scales: size of the block relative to the mesh's; told: is called with the share done.
+        scales: sizes of the block relative to the mesh's.
         """
         samples, sight = self.scan.samples, SightLines(self.cloud, self.scan)
         coarse = correlated(self.cloud, samples, spread_rotations(ROTATIONS), scales)
-        told(0.5)
         near = self._closest(self._closest(coarse, WIDE).best(KEPT), NEAR)
-        told(0.9)
         probes = self.cloud.xyz[:PROBES]
         seen = sight.ranked(near, ROUGH).distinct(probes, APART)[:SEEN]
         exact = sight.ranked(self._closest(seen, EXACT), FINE).distinct(probes, APART)
         return [self._place(exact, i) for i in range(len(exact))]
+
+    def gap(self, a: Place, b: Place) -> float:
+        """Mean distance between where two places put the points, sizes of the block."""
+        points = self.cloud.block_from_unit.apply(self.cloud.xyz[:PROBES])
+        apart = a.world_from_block.apply(points) - b.world_from_block.apply(points)
+        return float(np.linalg.norm(apart, axis=1).mean() / a.unit)
 
     def _closest(self, places: Hypotheses, schedule: Schedule) -> Hypotheses:
         cloud = self.cloud

@@ -8,12 +8,14 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
+from texproj.arrays import Doubles
 from texproj.camera import Camera, Pose
 from texproj.errors import InputError
 from texproj.photo import Photo
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.structure.mirror import FLIP, mirrored_intrinsics
 from texproj.register.structure.view import Render, StructureView
+from texproj.render.gbuffer import GBuffer
 
 LoadPhoto = Callable[[str], Photo]
 
@@ -25,16 +27,20 @@ POOR = 0.3
 
 @dataclass(frozen=True, eq=False)
 class Witness:
-    """A photo, reduced, and its full-size camera in the block's frame."""
+    """A photo, reduced, and its full-size camera in the block's frame. surface: (n, 3) points
+    all over the mesh, world, from which it is told where in the photo the mesh is.
+    """
 
     name: str
     in_block: Camera
     photo: Photo
     render: Render
+    surface: Doubles
 
     def view(self, around: Camera) -> StructureView:
         """The part of the photo in which `around`, of the world, sees the mesh."""
-        return StructureView.of(self.photo, self.render, WORKING_PX, around)
+        view = StructureView.of(self.photo, self._dotted, WORKING_PX, around)
+        return replace(view, render=self.render)
 
     @property
     def mirrored(self) -> Witness:
@@ -49,9 +55,18 @@ class Witness:
         )
         return replace(self, in_block=camera, photo=flipped)
 
+    def _dotted(self, camera: Camera) -> GBuffer:
+        """A rendering of the surface's points: it shows where the mesh ends, and costs little."""
+        xy, depth = camera.project(self.surface)
+        inside = camera.inside(xy)
+        column, row = xy[inside].astype(int).T
+        image = np.full((camera.height, camera.width), np.inf, np.float32)
+        image[row, column] = depth[inside]
+        return GBuffer(depth=image)
+
 
 def called(
-    block: Reconstruction, load_photo: LoadPhoto, render: Render, count: int
+    block: Reconstruction, load_photo: LoadPhoto, render: Render, surface: Doubles, count: int
 ) -> tuple[tuple[Witness, ...], dict[str, str]]:
     """Up to `count` photos, those first that are far from each other; and why, by name, photos
     that cannot be read were passed over.
@@ -63,7 +78,7 @@ def called(
             break
         name = block.names[i]
         try:
-            found.append(Witness(name, block.cameras[i], load_photo(name), render))
+            found.append(Witness(name, block.cameras[i], load_photo(name), render, surface))
         except InputError as error:
             broken[name] = str(error)
     return tuple(found), broken
