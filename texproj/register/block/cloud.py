@@ -72,4 +72,5 @@ def _evenly(xyz: Doubles, rng: np.random.Generator) -> Index:
 
 def _viewers(block: Reconstruction, points: Index, rng: np.random.Generator) -> Index:
     """(n,) for each of `points` the number of one of the cameras that saw it."""
-    return np.array([rng.choice(block.seen_by[p]) for p in points], np.intp)
+    first, count = block.track_starts[points], np.diff(block.track_starts)[points]
+    return block.observer[first + (rng.random(len(points)) * count).astype(np.intp)]

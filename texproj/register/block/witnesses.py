@@ -88,7 +88,7 @@ def spread_photos(block: Reconstruction) -> Sequence[int]:
     """The photos' numbers: the one with most points, then always the one farthest from all
     before, photos with few points last.
     """
-    counts = np.bincount(np.concatenate(block.seen_by), minlength=len(block.names))
+    counts = np.bincount(block.observer, minlength=len(block.names))
     centers = np.array([camera.center for camera in block.cameras])
     poor = counts < POOR * np.median(counts)
     order = [int(counts.argmax())]
