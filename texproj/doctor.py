@@ -78,5 +78,6 @@ def _packages() -> list[Finding]:
         try:
             findings.append(Finding(name, True, version(name)))
         except PackageNotFoundError:
-            findings.append(Finding(name, False, "not installed", f"pip install {name}"))
+            limit = ", where there is a package for this system" if ";" in requirement else ""
+            findings.append(Finding(name, False, "not installed", f"pip install {name}{limit}"))
     return findings
