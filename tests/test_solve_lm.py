@@ -81,7 +81,14 @@ def test_covariance_estimates_the_scatter():
 
 
 @pytest.mark.parametrize(
-    "loss", [Loss("l2"), Loss("huber", 1.3), Loss("cauchy", 2.0), Loss("truncated", 4)]
+    "loss",
+    [
+        Loss("l2"),
+        Loss("huber", 1.3),
+        Loss("cauchy", 2.0),
+        Loss("truncated", 4),
+        Loss("geman-mcclure", 4),
+    ],
 )
 def test_covariance_predicts_the_spread_over_repetitions(loss):
     """The predicted standard deviations match those of 300 repeated measurements within 15 %."""
@@ -91,7 +98,7 @@ def test_covariance_predicts_the_spread_over_repetitions(loss):
     assert np.all(np.abs(told / seen - 1) < 0.15)
 
 
-@pytest.mark.parametrize("kind", ["huber", "cauchy", "truncated"])
+@pytest.mark.parametrize("kind", ["huber", "cauchy", "truncated", "geman-mcclure"])
 def test_robust_losses_resist_what_moves_least_squares(kind):
     """A fifth of the values being off by 4 moves the mean line by 0.8, the robust ones little."""
     x, y = noisy_line(3, sigma=0.1)
@@ -104,7 +111,7 @@ def test_robust_losses_resist_what_moves_least_squares(kind):
     assert abs(robust - truth).max() < 0.2
 
 
-@pytest.mark.parametrize("kind", ["l2", "huber", "cauchy", "truncated"])
+@pytest.mark.parametrize("kind", ["l2", "huber", "cauchy", "truncated", "geman-mcclure"])
 def test_weight_and_curvature_are_derivatives_of_the_cost(kind):
     """rho' and s rho'' agree with central differences of rho away from its kinks."""
     loss, h = Loss(kind, 1.5), 1e-5

@@ -32,7 +32,8 @@ STILL_FOUND = 0.7
 class Certainty:
     """placed: the block after every photo asked, and its points, had their say; sigma: (7,) of
     rotation (rad), shift (mesh units), log scale; expected_percent: of the photos' width;
-    structure_percent: how far the place by the photos' structure alone is from it.
+    structure_percent: how far the place by the photos' structure alone is from it, which counts as
+    an error of either.
     """
 
     placed: PlacedBlock
@@ -55,14 +56,12 @@ def certainty(
         placed, covariance = refined
     unit = np.array([1.0] * 3 + [best.place.unit] * 3 + [1.0])
     width = float(np.mean([photo.camera(placed).width for photo in problem.photos]))
-    expected = 100 * _spread_px(problem, placed, covariance) / width
+    spread = 100 * _spread_px(problem, placed, covariance) / width
     moved = np.linalg.norm(problem.residual(placed) - problem.residual(fit.x), axis=1)
-    return Certainty(
-        placed,
-        np.sqrt(np.diag(covariance)[:7]) * unit,
-        max(expected, LEAST_PERCENT),
-        100 * float(np.nanmean(moved)) / width,
-    )
+    contradiction = 100 * float(np.nanmean(moved)) / width
+    expected = max(float(np.hypot(spread, contradiction)), LEAST_PERCENT)
+    sigma = np.sqrt(np.diag(covariance)[:7]) * unit * expected / max(spread, 1e-9)
+    return Certainty(placed, sigma, expected, contradiction)
 
 
 def _inflated(problem: PatchFit, fit: LmFit[PlacedBlock]) -> Doubles:

@@ -106,8 +106,14 @@ class _Search:
         return self.proposer.gap(place, _best(found).place) < NEARBY
 
     def _worth_asking(self, places: list[Place], found: list[Judged]) -> list[Place]:
-        best = max([p.sight for p in places] + [j.place.sight for j in found], default=0.0)
-        return [p for p in places if p.sight >= WORTH_TRYING * best][:TRIED]
+        """The likely ones, and in any case one that is elsewhere."""
+        sights = [p.sight for p in places] + [j.place.sight for j in found]
+        least = WORTH_TRYING * max(sights, default=0.0)
+        likely = [p for p in places if p.sight >= least][:TRIED]
+        if not likely:
+            return []
+        elsewhere = [p for p in places if self.proposer.gap(p, likely[0]) >= NEARBY][:1]
+        return likely + [p for p in elsewhere if p not in likely]
 
     def _decided(self, found: list[Judged]) -> bool:
         """The photos are sure of one place, and another was tried."""
@@ -145,7 +151,7 @@ def _concluded(
     mirror = MirrorTest(0.0)
     if not reason:
         search.told("comparing with the mirror image", 0.8)
-        mirror = mirror_test(search.proposer, witnesses, best)
+        mirror = mirror_test(proposer, witnesses, ASKED, best)
     return BlockFit(
         world_from_block=sure.placed.world_from_block,
         sigma=sure.sigma,
