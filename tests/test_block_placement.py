@@ -12,8 +12,8 @@ import pytest
 from block_scenes import Wall, block_of, error_percent, mirrored, moved, random_similarity
 
 from texproj.mesh import Mesh, vertex_normals
+from texproj.register.block.block_fit import BlockFit
 from texproj.register.block.cloud import CELL, Cloud
-from texproj.register.block.fit import BlockFit
 from texproj.register.block.place import place_block
 from texproj.register.block.placed_block import Matched, PatchFit, PlacedBlock
 from texproj.register.block.propose import Proposer

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from texproj.camera import Camera
-from texproj.color.result import Texture
+from texproj.color.checker.fit import Checker
+from texproj.color.result import Texture, VertexColors
+from texproj.color.sampling.photo_set import PhotoSet
 from texproj.color.vertices import color_vertices
 from texproj.errors import InputError, OutputError, nearest_name
 from texproj.files import json_hash, staging
-from texproj.formats.cameras import entry_of_record
-from texproj.options import ColorOptions
+from texproj.formats.cameras import camera_part
 from texproj.photo import Photo
 from texproj.project import Project
 from texproj.records import CameraRecord
+from texproj.stages.attending import INTERNAL, NO_MEMORY, attended
 from texproj.stages.bench import Workbench
-from texproj.stages.checking import checker_path, color_options
+from texproj.stages.checking import checker_of, checker_path
 from texproj.stages.freshness import (
     Freshness,
     Inputs,
@@ -26,6 +29,7 @@ from texproj.stages.freshness import (
     file_inputs,
     options_inputs,
 )
+from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
 from texproj.stages.writing import output_plan, write_texture, write_vertices
 
@@ -39,14 +43,37 @@ SECTIONS = ("color", "unwrap", "patches", "output", "render")
 class ColorOutcome:
     """What was written, from which photos, and which could not be used and why.
 
-    kept: nothing had changed since the last run, so nothing was done.
+    folder: where the files are; kept: nothing had changed since the last run, so nothing was done.
     """
 
+    folder: Path
     files: tuple[str, ...]
     used: tuple[str, ...]
     failed: dict[str, str]
     quality: dict[str, Any]
     kept: bool
+
+    @property
+    def tally(self) -> Tally:
+        return Tally(len(self.failed), len(self.failed) + len(self.used), "used")
+
+    def lines(self) -> Iterator[str]:
+        """For people."""
+        state = "fresh, kept" if self.kept else "wrote"
+        yield f"{state}: {', '.join(str(self.folder / name) for name in self.files)}"
+        chart = self.quality.get("checker")
+        if chart:
+            before, after = (chart["ciede2000"][when]["median"] for when in ("before", "after"))
+            yield (
+                f"color chart {chart['file']}: CIEDE2000 of its patches"
+                f" {before:.1f} -> {after:.1f}; exposure: {chart['exposure']}"
+            )
+        for name, reason in self.failed.items():
+            yield f"{name}: FAILED: {reason}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """For --json."""
+        return {**vars(self), "folder": str(self.folder)}
 
 
 def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome:
@@ -58,11 +85,11 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
     project = bench.project
     before = project.load_record(STAGE)
     if before is not None and color_freshness(project).fresh:
-        return _outcome(before, kept=True)
+        return _outcome(project, before, kept=True)
     inputs = _inputs(project)
     cameras, failed = usable_cameras(project)
-    photos = Photos(project, list(cameras), failed)
-    quality, write = _made(bench, cameras, photos, progress)
+    colors, write = _made(bench, photo_set(project, cameras), progress)
+    failed |= colors.failed
     if not set(cameras) - set(failed):
         raise InputError(f"no photo could be read: {'; '.join(failed.values())}")
     with staging(project.out) as folder:
@@ -73,11 +100,11 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
         "outputs": {name: project.hash_of(project.out / name) for name in files},
         "used": [name for name in cameras if name not in failed],
         "failed": failed,
-        "quality": quality,
+        "quality": colors.quality,
     }
     project.save_record(STAGE, None, record)
     project.save_hashes()
-    return _outcome(record, kept=False)
+    return _outcome(project, record, kept=False)
 
 
 def _remove_leftovers(project: Project, before: Any, files: tuple[str, ...]) -> None:
@@ -99,6 +126,9 @@ def color_freshness(project: Project) -> Freshness:
     record = project.load_record(STAGE)
     reason = changed_inputs(record, _inputs(project))
     if record is not None and not reason:
+        faults = [n for n, why in record.get("failed", {}).items() if why in (INTERNAL, NO_MEMORY)]
+        reason = f"{', '.join(faults)} met an internal fault, which may be gone" if faults else ""
+    if record is not None and not reason:
         written = record.get("outputs", {})
         gone = [n for n, known in written.items() if project.hash_of(project.out / n) != known]
         reason = f"{', '.join(gone)} changed or missing in {project.out}" if gone else ""
@@ -114,6 +144,8 @@ def usable_cameras(project: Project) -> tuple[dict[str, Camera], dict[str, str]]
     for name, record in project.load_cameras().items():
         if record.registered_camera is None:
             continue
+        if name in project.settings.exclude:
+            continue
         if name not in project.photo_paths:
             failed[name] = (
                 f"{project.cameras_path} names {name!r}, which is not in "
@@ -127,54 +159,43 @@ def usable_cameras(project: Project) -> tuple[dict[str, Camera], dict[str, str]]
     return cameras, failed
 
 
-class Photos:
-    """Loads photos by index; one that cannot be read is None and is noted in `failed`."""
+def photo_set(project: Project, cameras: Mapping[str, Camera]) -> PhotoSet:
+    """The photos of these cameras."""
 
-    def __init__(self, project: Project, names: list[str], failed: dict[str, str]) -> None:
-        self._project, self._names, self.failed = project, names, failed
+    def read(name: str) -> Photo:
+        return attended(name, partial(project.load_photo, name))
 
-    def __call__(self, index: int) -> Photo | None:
-        name = self._names[index]
-        try:
-            return self._project.load_photo(name)
-        except InputError as error:
-            self.failed[name] = str(error)
-            return None
+    return PhotoSet(tuple(cameras), tuple(cameras.values()), read)
 
 
 def _made(
-    bench: Workbench, known: dict[str, Camera], photos: Photos, progress: Progress
-) -> tuple[dict[str, Any], Write]:
-    """The numbers of the model, and what writes it into a folder and returns the file names."""
+    bench: Workbench, photos: PhotoSet, progress: Progress
+) -> tuple[VertexColors | Texture, Write]:
+    """The colors of the model, and what writes it into a folder and returns the file names."""
 
     def tell(done: int, total: int) -> None:
         progress(STAGE, done, total, "")
 
-    options, cameras = color_options(bench.project, list(known)), list(known.values())
+    options, checker = bench.project.settings.color, checker_of(bench.project)
     plan = output_plan(options, bench.project.settings.output)
     if options.to == "vertices":
-        colors = color_vertices(bench.mesh, cameras, photos, bench.renderer, options, tell)
-        return colors.quality, lambda folder: write_vertices(folder, bench.source, colors, plan)
-    texture = _texture(bench, options, cameras, photos, tell)
-    return texture.quality, lambda folder: write_texture(folder, bench.mesh, texture, plan)
+        colors = color_vertices(bench.mesh, photos, bench.renderer, options, checker, tell)
+        return colors, lambda folder: write_vertices(folder, bench.source, colors, plan)
+    texture = _texture(bench, photos, checker, tell)
+    return texture, lambda folder: write_texture(folder, bench.mesh, texture, plan)
 
 
 def _texture(
-    bench: Workbench,
-    options: ColorOptions,
-    cameras: list[Camera],
-    photos: Photos,
-    tell: Callable[[int, int], None],
+    bench: Workbench, photos: PhotoSet, checker: Checker | None, tell: Callable[[int, int], None]
 ) -> Texture:
     from texproj.color.patches.texture import PatchSettings, color_patches  # noqa: PLC0415 - slow to load
     from texproj.color.texture import color_texture  # noqa: PLC0415
 
-    settings = bench.project.settings
-    unwrap = settings.unwrap
-    if options.to == "patches":
-        patches = PatchSettings(options, settings.patches, unwrap)
-        return color_patches(bench.mesh, cameras, photos, bench.renderer, patches, tell)
-    return color_texture(bench.mesh, cameras, photos, bench.renderer, options, unwrap, tell)
+    settings, given = bench.project.settings, (bench.mesh, photos, bench.renderer)
+    if settings.color.to == "patches":
+        patches = PatchSettings(settings.color, settings.patches, settings.unwrap)
+        return color_patches(*given, patches, checker, tell)
+    return color_texture(*given, settings.color, settings.unwrap, checker, tell)
 
 
 def _inputs(project: Project) -> Inputs:
@@ -191,12 +212,11 @@ def _inputs(project: Project) -> Inputs:
 def _photo_inputs(project: Project, name: str, record: CameraRecord) -> Inputs:
     if record.registered_camera is None:
         return {}
-    entry = entry_of_record(record)
-    camera = {key: entry[key] for key in ("width", "height", "K", "dist", "R", "t")}
+    camera = {"width": record.width, "height": record.height, **camera_part(record)}
     files = {name: project.photo_path(name), f"mask of {name}": project.mask_path(name)}
     return {**file_inputs(project, **files), f"camera of {name}": json_hash(camera)}
 
 
-def _outcome(record: dict[str, Any], kept: bool) -> ColorOutcome:
-    files = tuple(record["outputs"])
-    return ColorOutcome(files, tuple(record["used"]), record["failed"], record["quality"], kept)
+def _outcome(project: Project, record: dict[str, Any], kept: bool) -> ColorOutcome:
+    files, used = tuple(record["outputs"]), tuple(record["used"])
+    return ColorOutcome(project.out, files, used, record["failed"], record["quality"], kept)

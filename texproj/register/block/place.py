@@ -9,6 +9,7 @@ import numpy as np
 
 from texproj.errors import RegistrationError
 from texproj.mesh import Mesh
+from texproj.register.block.block_fit import BlockFit
 from texproj.register.block.certainty import certainty
 from texproj.register.block.cloud import LEAST_POINTS, Cloud
 from texproj.register.block.decide import (
@@ -19,21 +20,20 @@ from texproj.register.block.decide import (
     judged,
     same_place,
 )
-from texproj.register.block.fit import BlockFit
 from texproj.register.block.mirror_test import MirrorTest, mirror_test
 from texproj.register.block.propose import SCALE_BATCHES, Place, Proposer
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.block.scan import Scan
 from texproj.register.block.witnesses import LoadPhoto, Witness, called
-from texproj.register.structure.view import Render
+from texproj.render import Render
 
 Told = Callable[[str, float], None]
 """``told(what, share)``: what is being done and the share of all that is done, 0 .. 1; whoever
 listens may raise to stop the work."""
 
-ASKED, ASKED_AT_LAST = 5, 8
+ASKED, ASKED_AT_LAST = 4, 8
 """Photos that are asked about every place, and about the best."""
-TRIED = 6
+TRIED = 5
 """Places of a batch of scales that the photos are asked about, at most."""
 NEARBY = 0.2
 """Mean distance of the points, sizes of the block, from which the photos still lead home."""
@@ -142,12 +142,12 @@ def _concluded(
             "(is it the same object? else pick 4 points in one photo)"
         )
     best = found[0]
-    others = [j.support for j in found[1:] if not same_place(search.witnesses, best, j)]
-    rival = max(others, default=0.0)
+    elsewhere = [j for j in found[1:] if not same_place(search.witnesses, best, j)]
+    rival = max((j.support for j in elsewhere), default=0.0)
     search.told("looking at details", 0.7)
     proposer = search.proposer
     sure = certainty(witnesses, best, proposer.cloud, proposer.scan.samples)
-    reason = _refusal(best.support, rival)
+    reason = _refusal(sure.support, rival)
     mirror = MirrorTest(0.0)
     if not reason:
         search.told("comparing with the mirror image", 0.8)
@@ -159,13 +159,14 @@ def _concluded(
         focal_factor=float(np.exp(sure.placed.log_focal)),
         cameras=sure.placed.cameras(dict(zip(block.names, block.cameras, strict=True))),
         expected_error_percent=sure.expected_percent,
-        support=best.support,
+        support=sure.support,
         rival=rival,
         mirror_t=mirror.t,
         accepted=not reason and not mirror.refused,
         reason=reason or _mirror_reason(mirror),
         quality={
             "sight": best.place.sight,
+            "rival_sight": max((j.place.sight for j in elsewhere), default=0.0),
             "places_tried": len(found),
             "structure_percent": sure.structure_percent,
             "photos_asked": [w.name for w in witnesses],

@@ -17,9 +17,9 @@ class Reconstruction:
     its origin is, how it is turned and how long its unit is mean nothing.
 
     names: (p,) of the photos, in the order in which they were given; cameras: (p,) for the upright
-    full-size photos, world = the block's frame; lenses: (p,) photos with the same word share a lens.
-    points: (n, 3) block frame; error_px: (n,) mean reprojection error, pixels of the reduced photos;
-    angle_rad: (n,) largest angle between two rays of a point. The sightings of point k are rows
+    full-size photos, world = the block's frame; lenses: (p,) the same word for photos of one lens.
+    points: (n, 3) block frame; error_px: (n,) mean reprojection error, pixels of the reduced
+    photos; angle_rad: (n,) largest angle between two rays. The sightings of point k are rows
     ``track_starts[k]:track_starts[k + 1]`` of `observer` (m,), which are rows of `names`, and of
     `xy_px` (m, 2), full-size pixels.
     """

@@ -17,6 +17,7 @@ from texproj.errors import RegistrationError
 from texproj.options import StructureOptions
 from texproj.photo import Photo
 from texproj.records import Fit
+from texproj.register.motion import motion_px
 from texproj.register.structure.solve import (
     FINE_SCALE_PX,
     LENS,
@@ -27,11 +28,12 @@ from texproj.register.structure.solve import (
     refine,
     with_outline,
 )
-from texproj.register.structure.starts import cameras_around, motion_px, placed_starts
+from texproj.register.structure.starts import cameras_around, placed_starts
 from texproj.register.structure.verdict import Verdict, judge
-from texproj.register.structure.view import Observation, Render, StructureView
+from texproj.register.structure.view import Observation, StructureView
+from texproj.render import Render
 from texproj.solve.lm import LmFit
-from texproj.solve.reprojection import projection_jacobian
+from texproj.solve.reprojection import displacement_variance, projection_jacobian
 
 ROLLS_DEG = (-14.0, -7.0, 0.0, 7.0, 14.0)
 """Turns about the line of sight that are tried around the start."""
@@ -184,7 +186,7 @@ def _spread_px(
 ) -> float:
     """Standard deviation of the surface's image by the fit's covariance, pixels of the level."""
     jacobian = projection_jacobian(camera, seen.xyz_in_world, lens)
-    return float(np.sqrt(np.einsum("nip,pq,niq->n", jacobian, uncertainty, jacobian).mean()))
+    return float(np.sqrt(displacement_variance(jacobian, uncertainty).mean()))
 
 
 def _doubt(expected_px: float, camera: Camera, options: StructureOptions) -> str:
