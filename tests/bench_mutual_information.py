@@ -33,8 +33,7 @@ from texproj.photo import Photo
 from texproj.records import Fit
 from texproj.register.information.register import register_mutual_information
 from texproj.register.outline.chain import register_from_outline
-from texproj.register.structure.view import Render
-from texproj.render import ambient_occlusion, open_renderer
+from texproj.render import Render, ambient_occlusion, open_renderer
 
 WRONG_PERCENT = 0.5
 

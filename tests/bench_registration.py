@@ -34,8 +34,7 @@ from texproj.mesh import Mesh, vertex_normals
 from texproj.photo import Photo
 from texproj.records import Fit
 from texproj.register.structure.register import register_structure
-from texproj.register.structure.view import Render
-from texproj.render import ambient_occlusion, open_renderer
+from texproj.render import Render, ambient_occlusion, open_renderer
 from texproj.repair import repair
 
 Register = Callable[[Photo, Camera, Render], Fit]

@@ -27,6 +27,7 @@ from color_truth import (
     true_points,
     true_views,
 )
+from photo_sets import photo_set
 from scenes import Synthetic
 
 from texproj.color.patches.texture import PatchSettings, color_patches
@@ -85,7 +86,7 @@ def colored(
 ) -> TexturedMesh | ColoredMesh:
     """The scan colored from the photos at their true cameras."""
     options = options or ColorOptions()
-    given = data.mesh, data.cameras, lambda i: data.photos[i], renderer
+    given = data.mesh, photo_set(data.cameras, data.photos), renderer
     if kind == "vertices":
         rgb = srgb_from_linear(color_vertices(*given, options).rgb)
         colors = np.round(rgb * 255).astype(np.uint8)

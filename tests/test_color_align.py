@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from color_scenes import camera, picture, plane
+from photo_sets import photo_set
 
 from texproj.camera import Camera, Intrinsics
 from texproj.color.alignment.flow import sure_flow
@@ -112,7 +113,7 @@ def colored(cpu):
     cameras, photos = wrong_photos()
     mesh = plane(60)
     return mesh, [
-        color_vertices(mesh, cameras, photos.__getitem__, cpu, ColorOptions(align=on, gains=False))
+        color_vertices(mesh, photo_set(cameras, photos), cpu, ColorOptions(align=on, gains=False))
         for on in (False, True)
     ]
 
@@ -130,6 +131,7 @@ def test_photos_that_are_off_are_put_right(colored):
 def test_the_report_says_how_far_it_was_off(colored):
     """The photo's displacement is reported to half a pixel, the others' is small."""
     entries = colored[1][1].quality["alignment"]
+    assert [e["file"] for e in entries] == ["0", "1", "2", "3"]
     expected = float(np.hypot(*WRONG))
     assert all(0.7 * expected < entries[i]["median_px"] < 1.2 * expected for i in (1, 2))
     assert all(entries[i]["median_px"] < 0.3 * expected for i in (0, 3))
@@ -141,6 +143,6 @@ def test_textures_are_aligned_alike(cpu):
     """A texture reports the same displacement as vertex colors do."""
     cameras, photos = wrong_photos()
     result = color_texture(
-        plane(8), cameras, photos.__getitem__, cpu, ColorOptions(align=True, gains=False)
+        plane(8), photo_set(cameras, photos), cpu, ColorOptions(align=True, gains=False)
     )
     assert 1.7 < result.quality["alignment"][1]["median_px"] < 3

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from color_scenes import camera, picture, plane
+from photo_sets import photo_set
 
 from texproj.color.blending.bands import restored
 from texproj.color.blending.combine import blend
@@ -167,7 +168,7 @@ def test_every_mode_colors_a_plane(mode):
     cameras, mesh = [camera(c) for c in views], plane()
     photos = [picture(c) for c in cameras]
     with open_renderer(RenderOptions(renderer="cpu")) as cpu:
-        result = color_vertices(mesh, cameras, photos.__getitem__, cpu, ColorOptions(blend=mode))
+        result = color_vertices(mesh, photo_set(cameras, photos), cpu, ColorOptions(blend=mode))
     x, y = mesh.vertices[:, 0], mesh.vertices[:, 1]
     waves = [np.sin(5 * x + 1), np.cos(4 * y - 0.5), np.sin(3 * (x + y))]
     truth = np.stack([0.4 + 0.25 * wave for wave in waves], axis=1)

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from chart_scenes import CHART, chart_at, chart_photo, true_linear, true_matrix
 from color_scenes import camera, pattern, picture, plane
+from photo_sets import photo_set
 from skimage.color import deltaE_ciede2000, xyz2lab
 
 from texproj.color.balance.corrections import Correction
-from texproj.color.checker.apply import light_at, with_checker
+from texproj.color.checker.apply import light_at
 from texproj.color.checker.fit import (
     REFERENCE_LAB,
     XYZ_OF_SRGB,
@@ -29,7 +30,7 @@ from texproj.options import ColorOptions, RenderOptions
 from texproj.photo import Photo, PhotoInfo, linear_from_srgb
 from texproj.project import Project
 from texproj.render import open_renderer
-from texproj.stages.checking import color_options
+from texproj.stages.checking import checker_of
 from texproj.stages.coloring import _inputs
 
 WRONG = {"exposure": 0.45, "white_balance": (1.3, 1.0, 0.6)}
@@ -167,22 +168,21 @@ def renderer():
         yield renderer
 
 
-def checker_of(matrix, index=None, **info):
+def checker(matrix, photo=None, **info):
     """What a chart's photo would say."""
     some = np.ones(24)
     return Checker(
-        np.asarray(matrix, float), PhotoInfo("c.jpg", 9, 9, **info), some, some, some, 1.0, index
+        np.asarray(matrix, float), PhotoInfo("c.jpg", 9, 9, **info), some, some, some, 1.0, photo
     )
 
 
-def vertices(renderer, checker, exposures=EXPOSURES, infos=None):
+def vertices(renderer, chart, exposures=EXPOSURES, infos=None):
     """Colors of the plane's vertices, the truth there, and the report's figures."""
     mesh, cameras = plane(), [camera(c) for c in VIEWS]
     photos = [picture(c, gain=e) for c, e in zip(cameras, exposures, strict=True)]
     if infos:
         photos = [replace(p, info=replace(p.info, **i)) for p, i in zip(photos, infos, strict=True)]
-    options = ColorOptions() if checker is None else with_checker(ColorOptions(), checker)
-    result = color_vertices(mesh, cameras, lambda i: photos[i], renderer, options)
+    result = color_vertices(mesh, photo_set(cameras, photos), renderer, checker=chart)
     sure = result.photo_count > 1
     truth = pattern(mesh.vertices[:, 0], mesh.vertices[:, 1])
     return result.rgb[sure], truth[sure], result.quality
@@ -191,8 +191,8 @@ def vertices(renderer, checker, exposures=EXPOSURES, infos=None):
 @pytest.mark.parametrize("index", [0, 2])
 def test_the_charts_photo_among_the_others_ties_the_model_to_absolute_light(renderer, index):
     """The plane's own colors, whatever exposure and white balance each photo has."""
-    checker = checker_of(np.diag(1 / EXPOSURES[index]), index)
-    rgb, truth, quality = vertices(renderer, checker)
+    chart = checker(np.diag(1 / EXPOSURES[index]), str(index))
+    rgb, truth, quality = vertices(renderer, chart)
     assert np.abs(rgb / truth - 1).max() < 0.02
     assert quality["checker"]["exposure"] == "the chart's photo is one of the model's"
     plain, _, none = vertices(renderer, None)
@@ -215,7 +215,7 @@ def test_the_charts_place_in_a_photo_that_is_dark_in_the_corners_counts():
 
 def test_a_matrix_mixes_the_channels_of_the_blend(renderer):
     mixing = np.array([[0.8, 0.2, 0.0], [0.1, 0.7, 0.2], [0.0, 0.3, 0.7]])
-    rgb, truth, _ = vertices(renderer, checker_of(mixing @ np.diag(1 / EXPOSURES[1]), 1))
+    rgb, truth, _ = vertices(renderer, checker(mixing @ np.diag(1 / EXPOSURES[1]), "1"))
     np.testing.assert_allclose(rgb, truth @ mixing.T, rtol=0.02)
 
 
@@ -224,8 +224,8 @@ def test_exif_ties_a_chart_of_its_own_photo(renderer):
     ev = np.array([9.0, 9.7, 8.4, 9.2])
     infos = [{"camera_body": "A", "exposure_ev": e} for e in ev]
     exposures = np.repeat(2.0 ** (ev - 9.0)[:, None], 3, axis=1) * 0.7
-    checker = checker_of(np.eye(3) / (0.7 * 2), camera_body="A", exposure_ev=10.0)
-    rgb, truth, quality = vertices(renderer, checker, exposures, infos)
+    chart = checker(np.eye(3) / (0.7 * 2), camera_body="A", exposure_ev=10.0)
+    rgb, truth, quality = vertices(renderer, chart, exposures, infos)
     assert np.abs(rgb / truth - 1).max() < 0.02
     assert quality["checker"]["exposure"] == "EXIF exposure, 4 photos of the same camera"
 
@@ -233,9 +233,9 @@ def test_exif_ties_a_chart_of_its_own_photo(renderer):
 def test_without_a_tie_only_the_hues_change(renderer):
     """Another camera: the luminance of white stays, the cast goes."""
     cast = np.array([1.2, 1.0, 0.7])
-    checker = checker_of(np.diag(1 / cast) * 3, camera_body="B", exposure_ev=3.0)
+    chart = checker(np.diag(1 / cast) * 3, camera_body="B", exposure_ev=3.0)
     exposures = np.tile(cast, (4, 1))
-    rgb, truth, quality = vertices(renderer, checker, exposures)
+    rgb, truth, quality = vertices(renderer, chart, exposures)
     ratio = rgb / truth
     np.testing.assert_allclose(ratio, np.median(ratio), rtol=0.02)
     luminance = XYZ_OF_SRGB[1]
@@ -249,13 +249,12 @@ def test_textures_are_absolute_too(renderer, mode, bits):
     """The mean of the page's seen texels against the mean of the plane."""
     mesh, cameras = plane(), [camera(c) for c in VIEWS]
     photos = [picture(c, gain=e) for c, e in zip(cameras, EXPOSURES, strict=True)]
-    checker = checker_of(np.diag(1 / EXPOSURES[0]), 0)
-    options = with_checker(ColorOptions(bits=bits), checker)
+    chart, options = checker(np.diag(1 / EXPOSURES[0]), "0"), ColorOptions(bits=bits)
+    shown = photo_set(cameras, photos)
     if mode == "texture":
-        texture = color_texture(mesh, cameras, lambda i: photos[i], renderer, options)
+        texture = color_texture(mesh, shown, renderer, options, checker=chart)
     else:
-        settings = PatchSettings(options)
-        texture = color_patches(mesh, cameras, lambda i: photos[i], renderer, settings)
+        texture = color_patches(mesh, shown, renderer, PatchSettings(options), chart)
     seen = texture.photo_count[0] > 0
     page = linear_from_srgb(texture.pages[0][seen] / (2**bits - 1))
     x, y = np.meshgrid(np.linspace(-1, 1, 201), np.linspace(-1, 1, 201))
@@ -275,9 +274,9 @@ def with_chart(folder, named):
 def test_the_project_reads_the_chart_and_a_new_one_makes_the_model_stale(project_folder):
     cv2.imwrite(str(project_folder / "chart.png"), chart_photo(**WRONG).pixels[..., ::-1])
     project = with_chart(project_folder, "chart.png")
-    options = color_options(project, project.photo_names)
-    assert options.found.index is None and options.found.info.name == "chart.png"
-    np.testing.assert_allclose(options.found.matrix, true_matrix(**WRONG), atol=0.05)
+    chart = checker_of(project)
+    assert chart.photo is None and chart.info.name == "chart.png"
+    np.testing.assert_allclose(chart.matrix, true_matrix(**WRONG), atol=0.05)
     before = _inputs(project)
     cv2.imwrite(str(project_folder / "chart.png"), chart_photo(seed=3).pixels[..., ::-1])
     after = _inputs(with_chart(project_folder, "chart.png"))
@@ -289,14 +288,14 @@ def test_a_chart_in_a_photo_of_the_model_is_known_as_such(project_folder):
     path = project_folder / "photos" / names[1]
     cv2.imwrite(str(path), chart_photo().pixels[..., ::-1])
     project = with_chart(project_folder, f"photos/{names[1]}")
-    assert color_options(project, names).found.index == 1
+    assert checker_of(project).photo == names[1]
 
 
 def test_a_missing_chart_is_named(project_folder):
     project = with_chart(project_folder, "nowhere.jpg")
     with pytest.raises(InputError, match=r"nowhere\.jpg; correct `checker` in \[color\]"):
-        color_options(project, project.photo_names)
-    assert color_options(with_chart(project_folder, None), []) == ColorOptions()
+        checker_of(project)
+    assert checker_of(with_chart(project_folder, None)) is None
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (4, 3000), (60, 80), (400, 600)])

@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 from color_scenes import camera, picture, plane
+from photo_sets import photo_set
 
 from texproj.camera import Camera
 from texproj.color.balance.focus import median_of_others, node_positions, upper_medians
@@ -13,7 +14,6 @@ from texproj.color.blending.combine import blend
 from texproj.color.blending.highlights import highlight_factor
 from texproj.color.factors import Inspection, photo_factors
 from texproj.color.points.pixels import PixelPoints
-from texproj.color.sampling.depth_images import Depths
 from texproj.color.sampling.gather import project_views
 from texproj.color.sampling.prepare import photo_view
 from texproj.color.sampling.store import Stack
@@ -70,10 +70,11 @@ def inspected(scene, shots, options=None, number: int = 1):
     mesh = plane()
     spacing = np.full(len(mesh.faces), 3.0 / 220)
     points = PixelPoints.of(mesh, scene, cameras, spacing)
-    depths = Depths.of(cameras, scene, options, scratch)
-    job = Inspection(points, cameras, lambda k: shots[k], depths, options, scratch)
-    found = photo_factors(job, {number: [number]})[number]
+    shown = photo_set(cameras, shots).rendered(scene, scratch)
+    found, failed = photo_factors(Inspection(points, shown, options, scratch), {number: [number]})
     scratch.close()
+    assert [int(one.name) for one in failed] == [k for k, shot in enumerate(shots) if shot is None]
+    found = found[number]
     return {name: points.image(number, values) for name, values in found.items()}
 
 
@@ -342,7 +343,7 @@ def test_the_survey_tells_sharpness_only_if_asked(scene):
         options, scratch = ColorOptions(focus_power=power), Scratch()
         made = [photo_view(shots[k], views()[k], scene, options) for k in range(2)]
         surveyor = Surveyor(points, 2, power > 0)
-        project_views(points, made, surveyor, 2, options, scratch)
+        project_views(points, made, surveyor, options, scratch)
         survey = surveyor.survey()
         scratch.close()
 

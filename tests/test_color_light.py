@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from color_scenes import SIZE, camera, pattern, picture, plane
+from photo_sets import photo_set
 
 from texproj.camera import Camera, Intrinsics, Pose
 from texproj.color.balance import shared_points as survey_module
@@ -239,7 +240,7 @@ def test_gains_off_leaves_the_photos_alone():
 
 
 def colored(views, photos, renderer, **options):
-    return color_vertices(plane(), views, lambda i: photos[i], renderer, ColorOptions(**options))
+    return color_vertices(plane(), photo_set(views, photos), renderer, ColorOptions(**options))
 
 
 def vignetted(view, corner, gain=1.0):

@@ -5,6 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 from color_scenes import camera, joined, moved, pattern, picture, plane
+from photo_sets import photo_set
 
 from texproj.color.patches.charts import patch_atlas
 from texproj.color.patches.labels import _Problem, choose_photos, merge_islands
@@ -29,7 +30,7 @@ def renderer():
 
 def patched(mesh, photos, cameras, renderer, **options):
     settings = PatchSettings(patch=PatchOptions(**options))
-    return color_patches(mesh, cameras, lambda i: photos[i], renderer, settings)
+    return color_patches(mesh, photo_set(cameras, photos), renderer, settings)
 
 
 def texels(mesh, texture):
@@ -175,11 +176,12 @@ def test_faces_too_large_for_any_photo_are_put_together(renderer):
 
 
 def test_a_photo_that_cannot_be_read_is_left_out(renderer):
-    """The others color the surface; the lost one has no share."""
+    """The others color the surface; the lost one is named, and has no entry among the others."""
     mesh, cameras = plane(), [camera(c) for c in VIEWS]
     photos = [None, *(picture(c) for c in cameras[1:])]
     texture = patched(mesh, photos, cameras, renderer)
-    assert texture.quality["photos"][0]["share"] == 0
+    assert texture.failed == {"0": "photo 0 is damaged"}
+    assert [row["file"] for row in texture.quality["photos"]] == [str(number) for number in range(1, len(VIEWS))]
     assert error(mesh, texture).max() < 0.012
 
 
@@ -188,7 +190,7 @@ def test_pages_that_are_too_small_shrink_all_patches_alike(renderer):
     mesh, cameras = plane(), [camera(c) for c in VIEWS]
     photos = [picture(c) for c in cameras]
     settings = PatchSettings(unwrap=UnwrapOptions(page_size=96, max_pages=1))
-    texture = color_patches(mesh, cameras, lambda i: photos[i], renderer, settings)
+    texture = color_patches(mesh, photo_set(cameras, photos), renderer, settings)
     assert 0.2 < texture.quality["scale"] < 0.9
     assert [max(page.shape[:2]) <= 96 for page in texture.pages] == [True]
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from color_scenes import camera, joined, moved, pattern, picture, plane
+from photo_sets import photo_set
 
 from texproj.color.filling.gutters import fill_page
 from texproj.color.points.texels import TexelPoints
@@ -30,7 +31,7 @@ def textured(renderer):
         [camera(c) for c in VIEWS],
     )
     photos = [picture(c) for c in cameras]
-    return mesh, color_texture(mesh, cameras, lambda i: photos[i], renderer)
+    return mesh, color_texture(mesh, photo_set(cameras, photos), renderer)
 
 
 def texels(mesh, atlas):
@@ -100,7 +101,7 @@ def test_sixteen_bits(renderer):
     """With bits = 16 the pages are finer than 8 bits can tell."""
     mesh, view = plane(4), camera(VIEWS[0])
     photo = picture(view)
-    texture = color_texture(mesh, [view], lambda _: photo, renderer, ColorOptions(bits=16))
+    texture = color_texture(mesh, photo_set([view], [photo]), renderer, ColorOptions(bits=16))
     assert texture.pages[0].dtype == np.uint16
     assert len(np.unique(texture.pages[0][..., 0])) > 256
 

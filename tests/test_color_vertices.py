@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 from color_scenes import SIZE, camera, joined, moved, pattern, picture, plane
+from photo_sets import photo_set
 
+from texproj.color.sampling.photo_set import PhotoSet
 from texproj.color.vertices import color_vertices
+from texproj.errors import InputError
 from texproj.options import ColorOptions, RenderOptions
 from texproj.render import open_renderer
 
@@ -30,7 +33,7 @@ def truth(mesh):
 
 
 def color(mesh, cameras, photos, renderer, **options):
-    return color_vertices(mesh, cameras, lambda i: photos[i], renderer, ColorOptions(**options))
+    return color_vertices(mesh, photo_set(cameras, photos), renderer, ColorOptions(**options))
 
 
 def test_colors_are_those_of_the_surface(renderer):
@@ -152,16 +155,30 @@ def test_lens_distortion_is_followed(renderer):
     assert np.abs(result.rgb - truth(mesh))[sure].max() < RESAMPLING
 
 
-def test_photos_are_loaded_once_and_may_be_missing(cpu):
-    """Each photo is asked for exactly once; one that cannot be had is left out."""
+def test_photos_are_read_once_and_one_that_cannot_be_is_named(cpu):
+    """Each photo is asked for exactly once; why one was left out is part of the result."""
     mesh, cameras, asked, told = plane(), [camera(c) for c in VIEWS], [], []
 
-    def load(number):
-        asked.append(number)
-        return None if number == 2 else picture(cameras[number])
+    def read(name):
+        asked.append(name)
+        if name == "c":
+            raise InputError("c is damaged")
+        return picture(cameras["abcd".index(name)])
 
-    result = color_vertices(mesh, cameras, load, cpu, ColorOptions(), lambda *x: told.append(x))
-    assert sorted(asked) == [0, 1, 2, 3]
+    photos = PhotoSet(tuple("abcd"), tuple(cameras), read)
+    result = color_vertices(mesh, photos, cpu, progress=lambda *x: told.append(x))
+    assert sorted(asked) == list("abcd")
     assert told[-1] == (4, 4)
     assert result.photo_count.max() == 3
-    assert result.quality["photos"][2]["share"] == 0
+    assert result.failed == {"c": "c is damaged"}
+    assert [row["file"] for row in result.quality["photos"]] == ["a", "b", "d"]
+
+
+def test_what_is_not_the_photos_fault_is_not_called_so(cpu):
+    """A lack of memory ends the work; it does not leave a photo out."""
+
+    def read(_):
+        raise MemoryError
+
+    with pytest.raises(MemoryError):
+        color_vertices(plane(), PhotoSet(("a",), (camera(VIEWS[0]),), read), cpu)

@@ -3,13 +3,10 @@
 import numpy as np
 import pytest
 from color_scenes import camera, joined, moved, picture, plane
+from photo_sets import photo_set
 
-from texproj.color.alignment.shift import rough
-from texproj.color.checker.apply import with_checker
-from texproj.color.checker.fit import Checker
 from texproj.color.texture import color_texture
 from texproj.options import ColorOptions, RenderOptions
-from texproj.photo import PhotoInfo
 from texproj.render import open_renderer
 from texproj.resources.threads import ahead
 
@@ -27,7 +24,7 @@ def test_a_photo_that_sees_nothing_adds_nothing(renderer, centers):
     """Photos from behind the surface color none of it and disturb no other photo."""
     cameras = [camera(center) for center in centers]
     photos = [picture(c) for c in cameras]
-    texture = color_texture(plane(), cameras, lambda i: photos[i], renderer)
+    texture = color_texture(plane(), photo_set(cameras, photos), renderer)
     assert (texture.quality["seen"] > 0.9) == (len(centers) > 1)
     shares = [entry["share"] for entry in texture.quality["photos"]]
     assert shares[centers.index(BEHIND)] == 0
@@ -85,14 +82,6 @@ def test_photos_that_share_nothing_are_colored(renderer, vignetting):
     cameras = [camera((0.2, 0.1, 3.0), offset=(x, 0, 0)) for x in places]
     photos = [picture(c) for c in cameras]
     options = ColorOptions(vignetting=vignetting)
-    texture = color_texture(mesh, cameras, lambda i: photos[i], renderer, options)
+    texture = color_texture(mesh, photo_set(cameras, photos), renderer, options)
     assert texture.quality["seen"] > 0.9
     assert not any(lens["corrected"] for lens in texture.quality["lenses"])
-
-
-def test_the_coloring_to_compare_with_knows_no_chart():
-    """A chart's matrix does not saturate what photos are aligned with."""
-    chart = Checker(
-        np.eye(3) * 4, PhotoInfo("chart.jpg", 10, 10), np.ones(24), np.ones(24), np.ones(24), 1.0
-    )
-    assert rough(with_checker(ColorOptions(), chart)).found is None

@@ -9,14 +9,15 @@ import scenes
 from PIL import Image, ImageOps
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from texproj.camera import Camera, Intrinsics, Pose
 from texproj.demo import lens, make_demo
 from texproj.demo.jpeg import Exif, focal_px_of_exif, jpeg
-from texproj.demo.light import Lighting, overcast
+from texproj.demo.light import Lighting
 from texproj.demo.make import true_colors
 from texproj.demo.object import carved, piece, scanned
-from texproj.demo.pattern import painted, uniform, with_dots
+from texproj.demo.pattern import Pattern, painted, uniform
 from texproj.demo.photographer import ShotOptions, photograph, set_up
 from texproj.demo.picks import picked, visible
 from texproj.demo.sensor import Sensor, developed
@@ -34,6 +35,26 @@ from texproj.photo import linear_from_srgb
 NO_NOISE = Sensor(full_well=0)
 CLEAN = ShotOptions(background="wall", sensor=NO_NOISE, vignetting=0.0)
 TINY = DemoOptions(photos=2, long_side=96, faces=3000, carved_faces=6000)
+
+
+OVERCAST = Lighting(sun=(0.0, 0.0, 0.0), sky=(0.8, 0.82, 0.85), bounce=(0.3, 0.28, 0.25))
+"""No sun, a bright sky: soft shadows only."""
+
+
+def with_dots(base: Pattern, centers, radius: float) -> Pattern:
+    """`base` with a soft white dot around each of the (k, 3) centers: a Gaussian of deviation
+    `radius`, so that the dot's centroid in a picture is the center's image. Centers are farther
+    apart than ten times that.
+    """
+    tree = cKDTree(centers)
+
+    def dotted(xyz):
+        color = base(xyz)
+        distance = tree.query(xyz, distance_upper_bound=5 * radius)[0][:, None]
+        share = np.exp(distance**2 / (-2 * radius**2)).astype(np.float32)
+        return color + (1 - color) * share
+
+    return dotted
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +89,7 @@ def test_true_cameras_project_surface_points_on_their_pixels(table, body):
     dots = np.r_[np.c_[grid, np.zeros(len(grid))], [(-0.1, 0.1, 1.0), (0.12, -0.13, 1.0)]]
     xy, _ = camera.project(dots)
     seen = camera.inside(xy - 12) & camera.inside(xy + 12) & visible_dots(dots, camera)
-    scene = set_up(table, uniform(0.1), overcast())
+    scene = set_up(table, uniform(0.1), OVERCAST)
     painted_on = replace(scene, pattern=with_dots(uniform(0.1), dots[seen], 0.02))
     how = replace(CLEAN, samples=3)
     shine = photograph(painted_on, camera, how).light - photograph(scene, camera, how).light
@@ -110,7 +131,7 @@ def test_rays_agree_with_the_camera_noun():
 
 def test_plate_hides_floor_where_geometry_says(table, from_above):
     """The plate's picture ends where its corners project; floor begins there."""
-    scene = set_up(table, lambda p: np.where(p[:, 2:] > 0.5, 0.8, 0.2) + 0 * p, overcast())
+    scene = set_up(table, lambda p: np.where(p[:, 2:] > 0.5, 0.8, 0.2) + 0 * p, OVERCAST)
     light = photograph(scene, from_above, CLEAN).light[..., 1]
     # The plate's half width of 0.25 m at 4 m distance spans 12.5 px to each side of 100.
     row = light[100] > light.mean() * 2
@@ -159,7 +180,7 @@ def test_vignetting_is_as_asked(table):
     """1 at the principal point, 1 - loss at half a diagonal, seen in the photo itself."""
     k = Intrinsics(301, 201, 300, 300, 150.5, 100.5)
     away = Camera(k, Pose.look_at((0, 0, 50), (0, 0, 100), up=(0, 1, 0)))
-    scene = set_up(table, uniform(), overcast())
+    scene = set_up(table, uniform(), OVERCAST)
     flat, fading = (
         linear_from_srgb(photograph(scene, away, replace(CLEAN, vignetting=v)).pixels / 255)
         for v in (0.0, 0.4)

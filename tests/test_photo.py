@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
+from texproj.camera import Camera, Intrinsics, Pose
 from texproj.photo import (
     LINEAR_OF_SRGB8,
     Correspondences,
@@ -93,6 +94,19 @@ def test_the_mask_follows_without_new_values_and_without_a_shift():
     odd = photo(np.zeros((90, 120, 3), np.uint8), mask).resized(50, 38).mask
     edges = np.flatnonzero(np.diff(odd[5].astype(int))) + 1
     np.testing.assert_allclose(edges * 120 / 50, [40, 80], atol=1.2)
+
+
+def test_photo_and_camera_are_reduced_to_the_same_size_and_never_enlarged():
+    """By the longer side, upright and lying; what is small enough is the very same photo."""
+    for width, height in ((120, 90), (90, 120), (301, 7)):
+        whole = photo(np.zeros((height, width, 3), np.uint8))
+        pose = Pose.identity()
+        camera = Camera(Intrinsics(width, height, 99, 99, width / 2, height / 2), pose)
+        small, view = whole.reduced(50), camera.reduced(50)
+        assert max(small.width, small.height) == 50
+        assert (small.width, small.height) == (view.width, view.height)
+        assert whole.reduced(400) is whole
+        assert camera.reduced(400).intrinsics == camera.intrinsics
 
 
 # --- picks

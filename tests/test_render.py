@@ -11,7 +11,7 @@ from texproj.camera import Camera, Intrinsics, Pose
 from texproj.errors import RenderError
 from texproj.mesh import Mesh
 from texproj.options import RenderOptions
-from texproj.render import CHANNELS, ideal_grid, open_renderer, pinhole_cover
+from texproj.render import CHANNELS, GBuffer, ideal_grid, open_renderer, pinhole_cover
 from texproj.render.gl import GLRenderer
 
 LENSES = {
@@ -114,9 +114,11 @@ def test_depth_is_metric_on_the_exact_ray(renderer, lens):
     """A pixel center unprojected to its depth lies on the quad's plane, to float32 or the sag."""
     cam = camera(LENSES[lens])
     with renderer.load(TILTED) as scene:
-        depth = scene.gbuffer(cam, ("depth",)).depth
+        images = scene.gbuffer(cam, ("depth",))
+    depth = images.require("depth")
     seen = np.isfinite(depth)
-    points = cam.unproject(centers(cam)[seen.ravel()], depth[seen])
+    points = images.points(cam, *np.nonzero(seen))
+    np.testing.assert_allclose(cam.project(points)[0], centers(cam)[seen.ravel()], atol=1e-6)
     n, d = plane_of(TILTED)
     tolerance = 2e-6 if lens == "none" or "cpu" in renderer.name.lower() else 2e-4
     assert np.abs(points @ n - d).max() < tolerance * 2.7
@@ -142,6 +144,15 @@ def test_rows_run_downwards(renderer):
     with renderer.load(mesh) as scene:
         rows = np.flatnonzero((scene.gbuffer(cam, ("face",)).face >= 0).any(axis=1))
     assert (rows[0], rows[-1]) == (14, 43)
+
+
+def test_a_channel_that_was_not_rendered_is_named_when_it_is_required():
+    image = np.ones((2, 3), np.float32)
+    assert GBuffer(depth=image).require("depth") is image
+    with pytest.raises(ValueError, match="no channel 'face', only depth"):
+        GBuffer(depth=image).require("face")
+    with pytest.raises(ValueError, match="no channel 'depth', only ao"):
+        GBuffer(ao=image).points(camera(), np.array([0]), np.array([0]))
 
 
 def test_channels_of_a_known_quad(renderer):

@@ -6,7 +6,7 @@ import pytest
 from texproj.camera import Camera, Intrinsics, Pose
 from texproj.mesh import ColoredMesh, TexturedMesh
 from texproj.options import RenderOptions
-from texproj.render import GBuffer, open_renderer, render_model, shade
+from texproj.render import open_renderer, render_model
 
 CAMERA = Camera(Intrinsics(64, 48, 64, 64, 32, 24), Pose.identity())
 CORNERS = np.array([(-1, -0.5, 2), (1, -0.5, 2), (1, 0.5, 2), (-1, 0.5, 2)], float)
@@ -105,15 +105,3 @@ def test_with_a_lens_the_picture_bends_with_the_photo(renderer):
     found = np.array([(light * x).sum(), (light * y).sum()]) / light.sum()
     point = np.array([[-1 + 2 * 342 / 400, -0.5 + 22 / 200, 2]])
     assert np.linalg.norm(found - camera.project(point)[0]) < 0.1
-
-
-def test_bare_geometry_is_lit_from_the_camera():
-    """Brightest where the surface faces the camera, from either side; empty is the background."""
-    normal = np.array([[(0, 0, -1), (0, 0, 1), (1, 0, 0), (0, 0, 0)]], np.float32)
-    ao = np.array([[1, 0.5, 1, 0]], np.float32)
-    assert shade(GBuffer(normal_in_cam=normal), (9, 8, 7)).tolist() == [
-        [[255] * 3, [255] * 3, [64] * 3, [9, 8, 7]]
-    ]
-    assert shade(GBuffer(normal_in_cam=normal, ao=ao))[0, 1, 0] == 128
-    with pytest.raises(ValueError, match="normal channel"):
-        shade(GBuffer())

@@ -1,11 +1,11 @@
-"""Ambient occlusion and visibility against answers known on paper."""
+"""Ambient occlusion against answers known on paper."""
 
 import numpy as np
 import pytest
 import trimesh
 
-from texproj.mesh import Mesh, vertex_normals
-from texproj.render import Visibility, ambient_occlusion
+from texproj.mesh import Mesh
+from texproj.render import ambient_occlusion
 
 UTM = np.array([512_345.678, 5_412_345.678, 321.5])
 
@@ -81,51 +81,10 @@ def test_vertices_without_normal_are_open():
     assert ambient_occlusion(mesh, 16)[-1] == 1
 
 
-def shelf() -> tuple[Mesh, np.ndarray]:
-    """A floor z = 0 over [0, 4]^2 under a shelf z = 1 over [1, 2] x [0, 4], and floor points."""
-    floor = grid_mesh((0, 0, 0), (4, 0, 0), (0, 4, 0), 8)
-    board = grid_mesh((1, 0, 1), (1, 0, 0), (0, 4, 0), 1)
-    points = np.random.default_rng(0).random((5000, 3)) * (4, 4, 0)
-    return joined(floor, board), points
-
-
-@pytest.mark.parametrize("with_normals", [True, False])
-@pytest.mark.parametrize("offset", [np.zeros(3), UTM], ids=["origin", "UTM"])
-def test_a_shelf_hides_its_shadow(with_normals, offset):
-    """From (1.5, 2, 2) a shelf at half height hides the floor from x = 0.5 to x = 2.5."""
-    mesh, points = shelf()
-    mesh = Mesh(mesh.vertices + offset, mesh.faces)
-    normals = np.tile([0.0, 0, 1], (len(points), 1)) if with_normals else None
-    seen = Visibility(mesh).seen(offset + np.array([1.5, 2, 2]), points + offset, normals)
-    x = points[:, 0]
-    hidden = (x > 0.5) & (x < 2.5)
-    clear = np.minimum(abs(x - 0.5), abs(x - 2.5)) > 0.005
-    assert (seen == ~hidden)[clear].all()
-
-
-def test_grazing_points_see_the_camera():
-    """At 0.5 degrees above a plane its own faces hide nothing."""
-    mesh = grid_mesh((0, 0, 0), (4, 0, 0), (0, 4, 0), 50)
-    points = np.random.default_rng(0).random((5000, 3)) * (4, 4, 0)
-    normals = np.tile([0.0, 0, 1], (len(points), 1))
-    center = np.array([-40, 2, 44 * np.tan(np.radians(0.5))])
-    assert Visibility(mesh).seen(center, points, normals).all()
-
-
-def test_points_that_face_away_are_not_seen():
-    """On a ball the far half, by the normal alone, and nothing of the near half is lost."""
-    ball = trimesh.creation.icosphere(subdivisions=4)
-    mesh = Mesh(ball.vertices, ball.faces)
-    normals = vertex_normals(mesh)
-    seen = Visibility(mesh).seen((5, 0, 0), mesh.vertices, normals)
-    cosine = np.einsum("ij,ij->i", normals, np.array([5.0, 0, 0]) - mesh.vertices)
-    assert (seen == (cosine > 0))[np.abs(cosine) > 0.05].all()
-
-
-def test_many_points_pass_in_chunks(monkeypatch):
-    """The answer does not depend on the size of a chunk."""
-    mesh, points = shelf()
-    whole = Visibility(mesh).seen((1.5, 2, 2), points)
+def test_the_size_of_a_chunk_changes_nothing(monkeypatch):
+    mesh = grid_mesh((0, 0, 0), (4, 0, 0), (0, 4, 0), 8)
+    mesh = joined(mesh, grid_mesh((1, 0, 1), (1, 0, 0), (0, 4, 0), 3))
+    whole = ambient_occlusion(mesh, 20)
+    assert 0 < whole.min() < 0.9
     monkeypatch.setattr("texproj.render.occlusion.CHUNK", 77)
-    assert np.array_equal(Visibility(mesh).seen((1.5, 2, 2), points), whole)
-    assert np.array_equal(ambient_occlusion(mesh, 20), ambient_occlusion(mesh, 20))
+    assert np.array_equal(ambient_occlusion(mesh, 20), whole)

@@ -5,6 +5,7 @@ from contextlib import closing
 import numpy as np
 import pytest
 from color_scenes import camera, pattern, picture, plane
+from photo_sets import photo_set
 from seams import seams_of
 
 from texproj.color.patches.charts import continued
@@ -84,9 +85,7 @@ def measured(renderer, **options):
     mesh, cameras = plane(40), [camera(c) for c in VIEWS]
     photos = photographed(cameras)
     small = PatchOptions(seam_px=0.0, resolution=2.0, smallest_px=0.0, **options)
-    texture = color_patches(
-        mesh, cameras, lambda i: photos[i], renderer, PatchSettings(patch=small)
-    )
+    texture = color_patches(mesh, photo_set(cameras, photos), renderer, PatchSettings(patch=small))
     atlas = texture.atlas
     size = np.array(atlas.page_sizes, float)
     page = np.zeros(len(atlas.uv_px), int)
@@ -113,7 +112,7 @@ def test_texels_beside_a_patch_go_on_as_the_surface_does(renderer):
     mesh, cameras = plane(40), [camera(c) for c in VIEWS]
     photos = [picture(c) for c in cameras]
     settings = PatchSettings(patch=PatchOptions(seam_px=0.0, resolution=2.0, smallest_px=0.0))
-    texture = color_patches(mesh, cameras, lambda i: photos[i], renderer, settings)
+    texture = color_patches(mesh, photo_set(cameras, photos), renderer, settings)
     growing = continued(mesh, texture.atlas, dual_graph(mesh))
     with closing(Scratch()) as scratch:
         points = TexelPoints.of(mesh, texture.atlas, scratch, growing)

@@ -80,9 +80,7 @@ def test_covariance_estimates_the_scatter():
     assert np.allclose(fit.covariance()[::-1, ::-1], truth * rest, rtol=1e-6)
 
 
-@pytest.mark.parametrize(
-    "loss", [Loss("l2"), Loss("huber", 1.3), Loss("cauchy", 2.0), Loss("truncated", 4)]
-)
+@pytest.mark.parametrize("loss", [Loss("l2"), Loss("cauchy", 2.0)])
 def test_covariance_predicts_the_spread_over_repetitions(loss):
     """The predicted standard deviations match those of 300 repeated measurements within 15 %."""
     fits = [minimize(Line(*noisy_line(seed, 60), 0.3), START, loss) for seed in range(300)]
@@ -91,22 +89,21 @@ def test_covariance_predicts_the_spread_over_repetitions(loss):
     assert np.all(np.abs(told / seen - 1) < 0.15)
 
 
-@pytest.mark.parametrize("kind", ["huber", "cauchy", "truncated"])
-def test_robust_losses_resist_what_moves_least_squares(kind):
-    """A fifth of the values being off by 4 moves the mean line by 0.8, the robust ones little."""
+def test_a_robust_loss_resists_what_moves_least_squares():
+    """A fifth of the values being off by 4 moves the mean line by 0.8, the robust one little."""
     x, y = noisy_line(3, sigma=0.1)
     y[::5] += 4
     truth = np.array([2, -0.5])
     start = np.array([2.5, -0.4])
     plain = minimize(Line(x, y, 0.1), start).x
-    robust = minimize(Line(x, y, 0.1), start, Loss(kind, 2 if kind != "truncated" else 8)).x
+    robust = minimize(Line(x, y, 0.1), start, Loss("cauchy", 2)).x
     assert abs(plain - truth).max() > 0.5
     assert abs(robust - truth).max() < 0.2
 
 
-@pytest.mark.parametrize("kind", ["l2", "huber", "cauchy", "truncated"])
+@pytest.mark.parametrize("kind", ["l2", "cauchy"])
 def test_weight_and_curvature_are_derivatives_of_the_cost(kind):
-    """rho' and s rho'' agree with central differences of rho away from its kinks."""
+    """rho' and s rho'' agree with central differences of rho."""
     loss, h = Loss(kind, 1.5), 1e-5
     s = np.array([0.01, 0.5, 1.9, 3.0, 40.0])
     slope = (loss.cost(s + h) - loss.cost(s - h)) / (2 * h)
@@ -156,7 +153,7 @@ def test_rows_that_cannot_be_computed_count_as_far_off():
 def test_sparse_and_dense_jacobians_agree():
     """The same problem with a scipy.sparse jacobian gives the same answer and covariance."""
     x, y = noisy_line(6)
-    dense = minimize(Line(x, y, 0.3), START, Loss("huber", 1.3))
-    thin = minimize(Line(x, y, 0.3, as_sparse=True), START, Loss("huber", 1.3))
+    dense = minimize(Line(x, y, 0.3), START, Loss("cauchy", 1.3))
+    thin = minimize(Line(x, y, 0.3, as_sparse=True), START, Loss("cauchy", 1.3))
     assert np.allclose(dense.x, thin.x, atol=1e-9)
     assert np.allclose(dense.covariance(), thin.covariance(), rtol=1e-6)

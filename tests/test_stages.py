@@ -77,6 +77,14 @@ def test_the_report_names_every_photo_and_what_was_made(finished):
     assert [p["file"] for p in facts["photos"]] == project.photo_names
     assert set(facts["color"]["files"]) == set(outcome.color.files)
     assert all(name in page for name in project.photo_names)
+    rows = facts["color"]["quality"]["photos"]
+    assert [row["file"] for row in rows] == list(outcome.color.used)
+    for row in rows:
+        assert "gain " + ", ".join(f"{gain:.2f}" for gain in row["gain"]) in page
+        assert row["sharpness"] is None or f"sharpness {row['sharpness']:.2f}" in page
+    named = {name for lens in facts["color"]["quality"]["lenses"] for name in lens["photos"]}
+    assert named <= set(project.photo_names)
+    assert all(lens["photos"][0] + ", " in page for lens in facts["color"]["quality"]["lenses"])
     assert 'src="data:image/jpeg' in page and "http" not in page.split("<style>")[0]
 
 

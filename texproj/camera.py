@@ -294,6 +294,10 @@ class Camera:
         """(3,) position of the projection center, world."""
         return self.pose.center
 
+    def reduced(self, longest_px: float) -> Camera:
+        """For the photo with its longer side reduced to `longest_px`, as it is if it is smaller."""
+        return self.scaled(min(1.0, longest_px / max(self.width, self.height)))
+
     def scaled(self, factor: float) -> Camera:
         return replace(self, intrinsics=self.intrinsics.scaled(factor))
 

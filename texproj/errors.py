@@ -35,7 +35,7 @@ class OutputError(TexprojError):
     """A result that could not be written; what was there before is intact."""
 
 
-def shown(value: object, most: int = 60) -> str:
+def excerpt(value: object, most: int = 60) -> str:
     """What a file holds, as a sentence can show it: on one line, printable, of bounded length."""
     text = value if isinstance(value, str) else repr(value)[: 4 * most]
     text = text[: 4 * most].encode("unicode_escape").decode() if not text.isprintable() else text

@@ -9,6 +9,11 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+LARGEST_PHOTO_MP = 400.0
+"""Million pixels of the largest photo that is read where nobody asks for more: what fits in 2 GB
+of memory, and four times what cameras take.
+"""
+
 
 @dataclass(frozen=True)
 class PhotoInfo:
@@ -61,11 +66,24 @@ class Photo:
             return self.pixels.astype(np.float32, copy=False)
         return cv2.LUT(self.pixels, LINEAR_OF_SRGB8)
 
+    def srgb8(self) -> NDArray[np.uint8]:
+        """(h, w, 3) uint8 in sRGB encoding; the very pixels where they are that already."""
+        if self.encoding == "srgb":
+            return self.pixels.astype(np.uint8, copy=False)
+        return np.round(srgb_from_linear(self.pixels) * 255).astype(np.uint8)
+
     def gray(self) -> NDArray[np.float32]:
         """(h, w) float32 luma in 0..1, sRGB-encoded: what an eye sees, for matching."""
         if self.encoding == "srgb":
             return cv2.cvtColor(self.pixels, cv2.COLOR_RGB2GRAY).astype(np.float32) / 255
         return cv2.cvtColor(srgb_from_linear(self.pixels), cv2.COLOR_RGB2GRAY)
+
+    def reduced(self, longest_px: float) -> Photo:
+        """The photo with its longer side reduced to `longest_px`, itself if it is smaller."""
+        factor = longest_px / max(self.width, self.height)
+        if factor >= 1:
+            return self
+        return self.resized(*(max(1, round(side * factor)) for side in (self.width, self.height)))
 
     def resized(self, width: int, height: int) -> Photo:
         """The photo area-averaged to a smaller size."""

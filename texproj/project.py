@@ -147,12 +147,14 @@ class Project:
 
     def photo_info(self, name: str) -> PhotoInfo:
         """What the photo's header says. Raises InputError."""
-        return read_photo_info(self.photo_path(name))
+        return read_photo_info(self.photo_path(name), self.settings.largest_photo_mp)
 
     def load_photo(self, name: str, longest: int | None = None) -> Photo:
         """The upright photo with its mask, its longer side reduced to `longest` if it is larger."""
         path = self.photo_path(name)
-        return read_photo(path, read_photo_info(path), self.mask_path(name), longest)
+        largest_mp = self.settings.largest_photo_mp
+        info = read_photo_info(path, largest_mp)
+        return read_photo(path, info, self.mask_path(name), longest, largest_mp)
 
     def mask_path(self, name: str) -> Path | None:
         """The stencil of photo `name`, None if it has none. Raises InputError where it has two."""

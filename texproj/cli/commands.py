@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 from cyclopts import App, Parameter
 
-from texproj import __version__
 from texproj.cli import talk
 from texproj.cli.exchange import export, import_
+from texproj.cli.exits import DONE, SOME_FAILED, UNUSABLE
 from texproj.cli.flags import flags_for
 from texproj.cli.inspecting import factors
-from texproj.cli.main import DONE, SOME_FAILED, UNUSABLE
 from texproj.cli.shared import Folder, Json, Verbose, exit_code, matching, open_project
 from texproj.creation import create_project
 from texproj.errors import UsageError
 from texproj.project import Project
 from texproj.settings import SECTIONS
+from texproj.version import __version__
 
 app = App(name="texproj", version=__version__, help=__doc__)
 app.help = (

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 from cyclopts import Parameter
 
 from texproj.cli import talk
+from texproj.cli.exits import DONE
 from texproj.cli.flags import flags_for
-from texproj.cli.main import DONE
 from texproj.cli.shared import Folder, Json, Verbose, exit_code, open_project
 
 SHOWN = 6

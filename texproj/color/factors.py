@@ -1,4 +1,4 @@
-"""Why each photo counts where it does: its factors one by one, for looking at.
+"""The factors of each photo's weight, one by one, for looking at why it counts where it does.
 
 Made by the functions of coloring, at any points: those that the pixels of a photo show, or the
 vertices of the mesh.
@@ -20,73 +20,65 @@ from texproj.color.balance.shared_points import Surveyor
 from texproj.color.blending.combine import blend
 from texproj.color.blending.highlights import highlight_factor
 from texproj.color.points.source import Chunk, PointSource
-from texproj.color.sampling.depth_images import Depths
-from texproj.color.sampling.gather import LoadPhoto, Progress, project_views
+from texproj.color.sampling.gather import Progress, counting, project_views
+from texproj.color.sampling.photo_set import PhotoSet, Unusable
 from texproj.color.sampling.pixel_lookup import depth_pixels, photo_pixels, rescaled
 from texproj.color.sampling.prepare import silhouette_feather_px, view_of
 from texproj.color.sampling.store import Stack
 from texproj.color.sampling.view import WHITE, PhotoView, linear16
+from texproj.color.weights.names import FACTORS
 from texproj.color.weights.picture import picture_factors, silhouette_factor
 from texproj.color.weights.surface import MIN_COS_ANGLE, facing, resolution, surface_factors
+from texproj.opencv import opencv_places
 from texproj.options import ColorOptions
 from texproj.photo import Photo
 from texproj.resources.scratch import Scratch
 
-FACTORS = {
-    "angle": "Turned towards the camera",
-    "density": "Pixels on the surface",
-    "border": "Away from the picture's edge",
-    "silhouette": "Away from depth discontinuities",
-    "mask": "Away from what is masked",
-    "exposure": "Neither clipped nor black",
-    "focus": "As sharp as the other photos",
-    "highlight": "Without a highlight",
-    "consistency": "As all photos agree",
-    "weight": "All of them together",
-}
-"""Name of each factor, and what it is 1 for."""
-
 
 @dataclass(frozen=True, eq=False)
 class Inspection:
-    """What to look at, and with what: the color stage's own arguments."""
+    """What to look at, and with what: the color stage's own arguments.
+
+    photos: with their depth images.
+    """
 
     points: PointSource
-    cameras: Sequence[Camera]
-    load_photo: LoadPhoto
-    depths: Depths
+    photos: PhotoSet
     options: ColorOptions
     scratch: Scratch
 
 
 def photo_factors(
     job: Inspection, wanted: Mapping[int, Sequence[int]], progress: Progress | None = None
-) -> dict[int, dict[str, Floats]]:
+) -> tuple[dict[int, dict[str, Floats]], tuple[Unusable, ...]]:
     """For each wanted photo the factors by name (see `FACTORS`) at the points of the chunks that
-    it is wanted for, one after the other. Back faces and what is hidden have the weight 0.
+    it is wanted for, one after the other; and the photos that could not be used. Back faces and
+    what is hidden have the weight 0.
 
     All photos are looked at once, since focus and consistency are judged against the others.
     """
     found: dict[int, dict[str, Floats]] = {}
+    photos, count = job.photos, len(job.photos)
 
-    def views() -> Iterator[PhotoView | None]:
-        for number in range(len(job.cameras)):
-            photo = job.load_photo(number)
-            view = None
-            if photo is not None:
-                at = job.depths.read(number)
-                view = view_of(photo, job.cameras[number], *at, job.options)
-                if number in wanted:
-                    chunks = [job.points.chunk(k) for k in wanted[number]]
-                    parts = [own_factors(photo, view, job, chunk) for chunk in chunks]
-                    found[number] = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
+    def views() -> Iterator[PhotoView | Unusable]:
+        for number, camera in enumerate(photos.cameras):
+            photo = photos.photo(number)
+            if isinstance(photo, Unusable):
+                yield photo
+                continue
+            view = view_of(photo, camera, *photos.depth_image(number), job.options)
+            if number in wanted:
+                chunks = [job.points.chunk(k) for k in wanted[number]]
+                parts = [own_factors(photo, view, job, chunk) for chunk in chunks]
+                found[number] = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
             yield view
 
-    count = len(job.cameras)
     surveyor = Surveyor(job.points, count, job.options.focus_power > 0)
-    spill = project_views(job.points, views(), surveyor, count, job.options, job.scratch, progress)
+    tell = counting(progress, count)
+    projected = project_views(job.points, views(), surveyor, job.options, job.scratch, tell)
+    spill = projected.samples
     light, focus = solve_photos(surveyor.survey(), job.options)
-    gains, grids = gains_of(light.corrections), grids_of(job.cameras, light.corrections)
+    gains, grids = gains_of(light.corrections), grids_of(photos.cameras, light.corrections)
     for number, factors in found.items():
         parts = []
         for k in wanted[number]:
@@ -94,11 +86,12 @@ def photo_factors(
             for rows in spill.pieces(k):
                 stack = corrected(spill.read(k, rows), job.points, k, grids, rows)
                 trust = picture_at(
-                    focus[number].trust, job.cameras[number], job.points, chunk.part(rows)
+                    focus[number].trust, photos.cameras[number], job.points, chunk.part(rows)
                 )
                 parts.append({"focus": trust, **shared_factors(stack, number, gains, job.options)})
         factors |= {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
-    return {number: {k: v[k] for k in FACTORS if k in v} for number, v in found.items()}
+    ordered = {number: {k: v[k] for k in FACTORS if k in v} for number, v in found.items()}
+    return ordered, projected.failed
 
 
 def own_factors(photo: Photo, view: PhotoView, job: Inspection, chunk: Chunk) -> dict[str, Floats]:
@@ -128,7 +121,7 @@ def picture_at(image: Floats | None, camera: Camera, points: PointSource, chunk:
         return np.ones(len(chunk), np.float32)
     small = camera.resized(image.shape[1], image.shape[0])
     in_image, _ = small.project(chunk.xyz + points.owners.origin)
-    maps = np.nan_to_num(in_image - 0.5, nan=-1e6).astype(np.float32)
+    maps = opencv_places(in_image)
     rows = np.array_split(maps, -(-len(maps) // 30_000) or 1)
     values = [
         cv2.remap(image, part[None], None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)[0]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -30,42 +30,48 @@ def coverage(counts: list[NDArray[Any]], points: int) -> dict[str, Any]:
 
 
 def per_photo(
-    light: Photometry, focus: Sequence[Focus], share: NDArray[np.float64]
+    names: Sequence[str],
+    light: Photometry,
+    focus: Sequence[Focus],
+    share: NDArray[np.float64],
+    failed: Mapping[str, str],
 ) -> list[dict[str, Any]]:
-    """One entry per photo, in the order of the cameras.
+    """One entry per photo that was used.
 
-    gain: factor on each channel of linear light; disagreement: median absolute log difference to
-    the other photos after correction; sharpness: contrast of fine detail against the other photos',
-    1 = as sharp as they, None = unknown; exposure_off: stops by which the photo is darker than its
-    EXIF says, against the others, None = unknown; share: part of the surface's color that comes
-    from it.
+    file: its name; gain: factor on each channel of linear light; disagreement: median absolute log
+    difference to the other photos after correction; sharpness: contrast of fine detail against the
+    other photos', 1 = as sharp as they, None = unknown; exposure_off: stops by which the photo is
+    darker than its EXIF says, against the others, None = unknown; share: part of the surface's
+    color that comes from it.
     """
     part, gains = share / max(float(share.sum()), 1e-12), light.gains
     return [
         {
+            "file": name,
             "gain": [float(g) for g in gain],
             "disagreement": float(spread),
             "sharpness": None if sharp.lack is None else float(np.exp(sharp.lack / 2)),
             "exposure_off": float(off) if np.isfinite(off) else None,
             "share": float(used),
         }
-        for gain, spread, off, sharp, used in zip(
-            gains.factor, gains.spread, light.exposure_off, focus, part, strict=True
+        for name, gain, spread, off, sharp, used in zip(
+            names, gains.factor, gains.spread, light.exposure_off, focus, part, strict=True
         )
+        if name not in failed
     ]
 
 
-def per_lens(light: Photometry) -> list[dict[str, Any]]:
+def per_lens(names: Sequence[str], light: Photometry) -> list[dict[str, Any]]:
     """One entry per lens that at least three photos share.
 
-    photos: their numbers; light_at_corners: factor on the light at radius `reach` (half diagonals),
+    photos: their names; light_at_corners: factor on the light at radius `reach` (half diagonals),
     the furthest that is seen on shared surface; sigma: standard deviation of its logarithm;
     disagreement_left: part of the photos' disagreement that is left when it is corrected;
     corrected: whether it was.
     """
     return [
         {
-            "photos": lens.photos.tolist(),
+            "photos": [names[photo] for photo in lens.photos],
             "light_at_corners": lens.corner,
             "reach": lens.reach,
             "sigma": lens.sigma,

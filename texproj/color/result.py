@@ -20,13 +20,15 @@ class VertexColors:
 
     rgb: (V, 3) float32 linear light (1 = white of the photos), also where no photo sees the
     vertex: there it is filled from the surface around; weight: (V,) float32 summed weight of the
-    photos, 0 = unseen; photo_count: (V,) uint16; quality: numbers for the report.
+    photos, 0 = unseen; photo_count: (V,) uint16; quality: numbers for the report; failed: photos
+    that could not be used by name, and why.
     """
 
     rgb: NDArray[np.float32]
     weight: NDArray[np.float32]
     photo_count: NDArray[np.uint16]
     quality: dict[str, Any] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,13 +38,15 @@ class Texture:
     pages: one (h, w, 3) image per page, sRGB encoded, uint8 or uint16, row 0 on top; texels that
     no photo sees and those between the charts are filled from around them.
     photo_count: one (h, w) uint8 image per page: how many photos a texel's color comes from,
-    0 = unseen or outside of every chart; quality: numbers for the report.
+    0 = unseen or outside of every chart; quality: numbers for the report; failed: photos that
+    could not be used by name, and why.
     """
 
     atlas: Atlas
     pages: tuple[NDArray[Any], ...]
     photo_count: tuple[NDArray[np.uint8], ...]
     quality: dict[str, Any] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
 
 
 def textured_mesh(mesh: Mesh, texture: Texture, normals: bool = True) -> TexturedMesh:

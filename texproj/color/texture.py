@@ -1,4 +1,4 @@
-"""A texture from photos."""
+"""A texture blended from all photos."""
 
 from __future__ import annotations
 
@@ -12,20 +12,28 @@ from numpy.typing import NDArray
 
 from texproj.arrays import Floats
 from texproj.camera import Camera
-from texproj.color.alignment.shift import Alignment, alignments, displaced, per_alignment, rough
+from texproj.color.alignment.shift import (
+    Alignment,
+    alignments,
+    displaced,
+    failures,
+    per_alignment,
+    rough,
+)
 from texproj.color.balance.corrections import gains_of, grids_of
 from texproj.color.balance.focus import solve_photos
 from texproj.color.balance.photometry import Photometry
 from texproj.color.balance.shared_points import Surveyor
 from texproj.color.blending.combine import blend_chunk
 from texproj.color.checker.apply import absolute_matrix, in_absolute
+from texproj.color.checker.fit import Checker
 from texproj.color.filling.gutters import fill_page
 from texproj.color.filling.texels import fill_unseen
 from texproj.color.points.texels import TexelPoints
 from texproj.color.quality import coverage, per_lens, per_photo
 from texproj.color.result import Texture
-from texproj.color.sampling.depth_images import Depths
-from texproj.color.sampling.gather import LoadPhoto, Progress, project_views, views_ahead
+from texproj.color.sampling.gather import Progress, counting, project_views
+from texproj.color.sampling.photo_set import PhotoSet, Unusable, reasons
 from texproj.color.sampling.resolution import texels_per_unit
 from texproj.color.sampling.store import Spill
 from texproj.mesh import Mesh
@@ -45,60 +53,60 @@ ENCODING = np.round(srgb_from_linear(np.arange(65536) / 65535) * 255).astype(np.
 
 def color_texture(
     mesh: Mesh,
-    cameras: Sequence[Camera],
-    load_photo: LoadPhoto,
+    photos: PhotoSet,
     renderer: Renderer,
     options: ColorOptions | None = None,
     unwrap_options: UnwrapOptions | None = None,
+    checker: Checker | None = None,
     progress: Progress | None = None,
 ) -> Texture:
     """Unwrap the mesh and blend all photos into its texture.
 
-    cameras: of the full-size photos; load_photo: decodes the photo of a number in `cameras`, is
-    called once per photo; progress: called with photos done and photos in all.
+    photos: each is read once, three times with `options.align`; checker: what a color chart says,
+    for absolute colors; progress: called with photos done and photos in all.
     """
     options, unwrap_options = options or ColorOptions(), unwrap_options or UnwrapOptions()
-    found = found_alignments(mesh, cameras, load_photo, renderer, options)
+    found, names = found_alignments(mesh, photos, renderer, options), photos.names
     return_freed_memory()
     with opencv_in_one_thread(), closing(Scratch()) as scratch:
         with ThreadPoolExecutor(1) as beside:
             regions = beside.submit(Regions.of, mesh, unwrap_options)
             with renderer.load(mesh) as scene:
-                depths = Depths.of(cameras, scene, options, scratch)
+                photos = photos.rendered(scene, scratch)
             renderer.rest()
-            density = texels_per_unit(mesh, cameras, depths, options)
+            density = texels_per_unit(mesh, photos, options)
         trim()
-        views = displaced(views_ahead(cameras, load_photo, depths, options), found)
+        views = displaced(photos.views(options), found)
         atlas = unwrap(mesh, density, unwrap_options, regions.result())
         points = TexelPoints.of(mesh, atlas, scratch)
         trim()
-        surveyor = Surveyor(points, len(cameras), options.focus_power > 0)
-        spill = project_views(points, views, surveyor, len(cameras), options, scratch, progress)
+        surveyor = Surveyor(points, len(photos), options.focus_power > 0)
+        tell = counting(progress, len(photos))
+        projected = project_views(points, views, surveyor, options, scratch, tell)
         survey = surveyor.survey()
         trim()
         light, focus = solve_photos(survey, options)
-        absolute, checker = absolute_matrix(options, survey, light)
-        pages, counts, share = bake(points, atlas, spill, cameras, light, absolute, options)
+        absolute, charted = absolute_matrix(checker, names, survey, light)
+        samples, cameras = projected.samples, photos.cameras
+        pages, counts, share = bake(points, atlas, samples, cameras, light, absolute, options)
         fill_unseen(mesh, atlas, points, pages, counts)
         for number, page in enumerate(pages):
             fill_page(page, points.inside(number, page.shape))
-    quality = coverage(counts, sum(points.sizes)) | {"photos": per_photo(light, focus, share)}
-    quality |= checker | {"lenses": per_lens(light)} | per_alignment(found)
-    return Texture(atlas, tuple(pages), tuple(counts), quality)
+    failed = reasons(failures(found), projected.failed)
+    quality = coverage(counts, sum(points.sizes)) | charted | per_alignment(names, found)
+    quality |= {"photos": per_photo(names, light, focus, share, failed)}
+    quality |= {"lenses": per_lens(names, light)}
+    return Texture(atlas, tuple(pages), tuple(counts), quality, failed)
 
 
 def found_alignments(
-    mesh: Mesh,
-    cameras: Sequence[Camera],
-    load_photo: LoadPhoto,
-    renderer: Renderer,
-    options: ColorOptions,
-) -> list[Alignment | None] | None:
-    """The displacements of all photos against a first coloring; None where they are not wanted."""
+    mesh: Mesh, photos: PhotoSet, renderer: Renderer, options: ColorOptions
+) -> tuple[Alignment | Unusable, ...]:
+    """The displacements of all photos against a first coloring; none where they are not wanted."""
     if not options.align:
-        return None
-    first = color_texture(mesh, cameras, load_photo, renderer, rough(options))
-    return alignments(mesh, first, cameras, load_photo, renderer)
+        return ()
+    first = color_texture(mesh, photos, renderer, rough(options))
+    return alignments(mesh, first, photos, renderer)
 
 
 def bake(

@@ -1,16 +1,15 @@
-"""Rays against a triangle mesh, on embree."""
+"""Rays against a triangle mesh."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
 from texproj.arrays import Floats
 from texproj.mesh import Mesh
+from texproj.render.rays import RayCaster
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,19 +32,18 @@ class Caster:
     def __init__(self, mesh: Mesh, origin: NDArray[np.float64]) -> None:
         self.vertices = np.ascontiguousarray(mesh.vertices - origin, np.float32)
         self.faces = np.ascontiguousarray(mesh.faces, np.int32)
-        self._scene = EmbreeScene(robust=True)
-        self._geometry = TriangleMesh(self._scene, self.vertices, self.faces)
+        self._rays = RayCaster(self.vertices, self.faces)
 
     def first_hits(self, origins: Floats, directions: Floats) -> Hits:
         """What (n, 3) rays with unit directions meet first."""
-        out = self._scene.run(_c(origins), _c(directions), output=1)
-        found = out["geomID"] >= 0
-        uv = np.stack([out["u"][found], out["v"][found]], axis=1)
-        return Hits(found, out["primID"][found], uv, out["tfar"][found])
+        first = self._rays.first(origins, directions)
+        found = first.face >= 0
+        uv = np.stack([first.u[found], first.v[found]], axis=1)
+        return Hits(found, first.face[found], uv, first.depth[found])
 
     def blocked(self, origins: Floats, directions: Floats) -> NDArray[np.bool_]:
         """(n,) whether a ray meets anything at all."""
-        return self._scene.run(_c(origins), _c(directions), query="OCCLUDED") >= 0
+        return self._rays.blocked(origins, directions)
 
     def at(self, hits: Hits, values: Floats) -> Floats:
         """(m, c) per-vertex values (V, c) interpolated at the hits."""
@@ -55,7 +53,3 @@ class Caster:
         out += values[corner[:, 1]] * u
         out += values[corner[:, 2]] * v
         return out
-
-
-def _c(array: Floats) -> Floats:
-    return np.ascontiguousarray(array, np.float32)

@@ -39,11 +39,6 @@ class Lighting:
         return np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)], np.float32)
 
 
-def overcast() -> Lighting:
-    """No sun, a bright sky: soft shadows only."""
-    return Lighting(sun=(0.0, 0.0, 0.0), sky=(0.8, 0.82, 0.85), bounce=(0.3, 0.28, 0.25))
-
-
 def sun_irradiance(
     caster: Caster, xyz: Floats, normals: Floats, lighting: Lighting, rng: np.random.Generator
 ) -> Floats:

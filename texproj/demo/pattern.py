@@ -6,7 +6,6 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from texproj.arrays import Floats
 from texproj.demo.noise import noise
@@ -34,22 +33,6 @@ def painted(seed: int = 0) -> Pattern:
     stripes; veins, lichen, soot and grain down to a millimetre.
     """
     return partial(_painted, seed=seed)
-
-
-def with_dots(base: Pattern, centers: Floats, radius: float, albedo: float = 1.0) -> Pattern:
-    """`base` with a soft round dot around each of the (k, 3) centers: a Gaussian of deviation
-    `radius`, so that the dot's centroid in a picture is the center's image. Centers are farther
-    apart than ten times that.
-    """
-    tree = cKDTree(centers)
-
-    def dotted(xyz: Floats) -> Floats:
-        color = base(xyz)
-        distance = np.asarray(tree.query(xyz, distance_upper_bound=5 * radius)[0])[:, None]
-        share = np.exp(distance**2 / (-2 * radius**2)).astype(np.float32)
-        return color + (np.float32(albedo) - color) * share
-
-    return dotted
 
 
 def _constant(xyz: Floats, albedo: float) -> Floats:

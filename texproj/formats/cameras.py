@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from texproj.camera import DISTORTION_LENGTHS, Intrinsics, Pose
-from texproj.errors import InputError, shown
+from texproj.errors import InputError, excerpt
 from texproj.formats.camera_bounds import (
     MOST_SIDE_PX,
     checked_intrinsics,
@@ -97,17 +97,17 @@ def read_cameras(path: Path) -> CameraFile:
     content = _validated(_File, read_json(path), f"{path}")
     if content.format != FORMAT or content.version != VERSION:
         raise InputError(
-            f"{path}: format {shown(content.format)!r} version {content.version};"
+            f"{path}: format {excerpt(content.format)!r} version {content.version};"
             f" this program reads {FORMAT!r} version {VERSION}"
         )
     records = [
-        record_of_entry(entry, f"{path}, photo {shown(entry.get('file') or f'number {i}')}")
+        record_of_entry(entry, f"{path}, photo {excerpt(entry.get('file') or f'number {i}')}")
         for i, entry in enumerate(content.photos, 1)
     ]
     seen: set[str] = set()
     for record in records:
         if record.file in seen:
-            name = shown(record.file)
+            name = excerpt(record.file)
             raise InputError(f"{path}: {name} appears twice; keep one entry per photo")
         seen.add(record.file)
     return CameraFile(records, _kept(f"{path}", content.model_extra))
@@ -159,7 +159,7 @@ def _kept(where: str, unknown: Mapping[str, Any] | None) -> dict[str, Any]:
     try:
         json.dumps(unknown, allow_nan=False)
     except ValueError:
-        told = shown(", ".join(unknown or {}))
+        told = excerpt(", ".join(unknown or {}))
         raise InputError(f"{where}: NaN or an infinite number in {told}; take it out") from None
     return dict(unknown or {})
 
@@ -169,7 +169,7 @@ def _validated(model: type[M], value: Any, where: str) -> M:
         return model.model_validate(value)
     except ValidationError as error:
         first = error.errors()[0]
-        key = shown(".".join(str(part) for part in first["loc"]))
+        key = excerpt(".".join(str(part) for part in first["loc"]))
         raise InputError(f"{where}: {key or 'content'}: {first['msg'].lower()}") from None
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from texproj.errors import InputError, nearest_name, shown
+from texproj.errors import InputError, excerpt, nearest_name
 from texproj.formats.camera_bounds import MOST_TRANSLATION
 from texproj.formats.documents import finite_number, read_lines
 from texproj.photo import Correspondences
@@ -92,7 +92,7 @@ def _numbers(
         cell = row[position[column]].strip()
         value = finite_number(cell.replace(",", ".") if decimal_commas else cell)
         if value is None:
-            raise InputError(f"{where}: {column} = {shown(cell)!r} is not a finite number")
+            raise InputError(f"{where}: {column} = {excerpt(cell)!r} is not a finite number")
         most = MOST_PIXELS if column in "uv" else MOST_TRANSLATION
         if abs(value) > most:
             raise InputError(f"{where}: {column} = {value:g} is out of bounds (at most {most:g})")

@@ -6,6 +6,7 @@ import codecs
 import json
 import math
 import re
+import stat
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -33,13 +34,18 @@ _HALF_PAIR = re.compile(r"\\u[dD][89a-fA-F]")
 def read_bytes(path: Path, most: int = MOST_BYTES) -> bytes:
     """The content of a file of at most so many bytes. Raises InputError."""
     try:
-        with path.open("rb") as file:
-            data = file.read(most + 1)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
-    if len(data) > most:
-        raise InputError(f"{path}: larger than {most / 1e6:.0f} MB: no such file is read")
-    return data
+        found = path.stat()
+        if found.st_size <= most and stat.S_ISREG(found.st_mode):
+            return path.read_bytes()
+    except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
+        raise InputError(f"{path}: cannot be read ({_reason(error)})") from None
+    if not stat.S_ISREG(found.st_mode):
+        raise InputError(f"{path}: not a file")
+    raise InputError(f"{path}: larger than {most / 1e6:.0f} MB: no such file is read")
+
+
+def _reason(error: OSError | ValueError) -> str:
+    return str(getattr(error, "strerror", None) or error)
 
 
 def read_text(path: Path, most: int = MOST_BYTES) -> str:

@@ -105,9 +105,6 @@ class SilhouetteOptions:
     views: Annotated[int, Field(ge=20, le=5000)] = 500
     """Directions from which the mesh's outline is compared where there is no start."""
 
-    max_error_percent: Positive = 1.0
-    """Refuse a camera whose expected error is larger, percent of the longer side."""
-
 
 @dataclass(frozen=True, config=STRICT)
 class RefineOptions:

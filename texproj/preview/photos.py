@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-import cv2
 import numpy as np
 
 from texproj.camera import Camera
 from texproj.errors import TexprojError
 from texproj.files import json_hash, write_atomically
-from texproj.photo import Photo, srgb_from_linear
+from texproj.formats.jpeg import jpeg_bytes
+from texproj.photo import Photo
 from texproj.project import Project
 from texproj.records import CameraRecord
 
@@ -106,9 +106,4 @@ def jpeg_of(project: Project, name: str, size: int) -> bytes:
 
 def encode_jpeg(photo: Photo) -> bytes:
     """A photo as JPEG in sRGB."""
-    rgb = photo.pixels
-    if photo.encoding == "linear":
-        rgb = np.round(srgb_from_linear(rgb) * 255).astype(np.uint8)
-    bgr = cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR)
-    flags = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, 0x111111]
-    return cv2.imencode(".jpg", bgr, flags)[1].tobytes()
+    return jpeg_bytes(photo.srgb8(), JPEG_QUALITY)

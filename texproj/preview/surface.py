@@ -8,13 +8,12 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
 from texproj.mesh import Mesh, MeshSource, face_normals, vertex_normals
 from texproj.preview.geometry import LightMesh, pack_mesh, simplified
 from texproj.project import Project
+from texproj.render.rays import RayCaster
 
 PACK_VERSION = 1
 """Goes into the names of cached packs; raise it when their layout changes."""
@@ -85,11 +84,7 @@ class Surface:
         """(n,) number of the face that each ray (world, unit directions) meets first, or -1."""
         center = self.mesh.center
         with self._lock:
-            return self._scene.run(
-                np.ascontiguousarray(origins - center, np.float32),
-                np.ascontiguousarray(directions, np.float32),
-                query="INTERSECT",
-            )
+            return self._rays.first(origins - center, directions).face
 
     def points_on(
         self,
@@ -162,11 +157,8 @@ class Surface:
         return cKDTree(self.mesh.vertices)
 
     @cached_property
-    def _scene(self) -> EmbreeScene:
-        scene = EmbreeScene(robust=True)
-        vertices = (self.mesh.vertices - self.mesh.center).astype(np.float32)
-        self._geometry = TriangleMesh(scene, vertices, np.ascontiguousarray(self.mesh.faces))
-        return scene
+    def _rays(self) -> RayCaster:
+        return RayCaster(self.mesh.vertices - self.mesh.center, self.mesh.faces)
 
 
 LIGHT_PARTS = ("vertices", "faces", "nearest")

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from starlette.exceptions import HTTPException
 
+from texproj.color.weights import names
 from texproj.errors import UsageError
 from texproj.preview.jobs import Job
 from texproj.preview.layers import factor_layers, occlusion_layer, photo_layers, weights_layer
@@ -21,10 +22,7 @@ from texproj.stages.progress import Cancelled, Progress
 from texproj.stages.registering import register_photos
 
 LAYERS = ("ao", "coverage", "source", "weights")
-FACTORS = (
-    "angle", "density", "border", "silhouette", "mask", "exposure", "focus", "highlight",
-    "consistency",
-)  # fmt: skip
+FACTORS = tuple(name for name in names.FACTORS if name != "weight")
 """What a photo's weight is made of; each is a layer too."""
 TOGETHER = (("coverage", "source"), FACTORS)
 """Layers that one job makes."""

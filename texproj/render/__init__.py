@@ -2,21 +2,20 @@
 
 from texproj.render.context import open_renderer
 from texproj.render.gbuffer import CHANNELS, GBuffer
-from texproj.render.interface import Renderer, Scene
+from texproj.render.interface import Render, Renderer, Scene
 from texproj.render.lens import ideal_grid, pinhole_cover
-from texproj.render.model import render_model, shade
-from texproj.render.occlusion import Visibility, ambient_occlusion
+from texproj.render.model import render_model
+from texproj.render.occlusion import ambient_occlusion
 
 __all__ = [
     "CHANNELS",
     "GBuffer",
+    "Render",
     "Renderer",
     "Scene",
-    "Visibility",
     "ambient_occlusion",
     "ideal_grid",
     "open_renderer",
     "pinhole_cover",
     "render_model",
-    "shade",
 ]

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
+from typing import Any, Literal, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Bools, Doubles, Floats
+from texproj.camera import Camera
 from texproj.errors import nearest_name
 
 CHANNELS = ("depth", "normal", "face", "ao", "front")
@@ -37,6 +40,34 @@ class GBuffer:
     def from_channels(cls, images: dict[str, NDArray]) -> GBuffer:  # type: ignore[type-arg]
         """From images named as in `CHANNELS`."""
         return cls(**{"normal_in_cam" if k == "normal" else k: v for k, v in images.items()})
+
+    @overload
+    def require(self, channel: Literal["depth", "normal", "ao"]) -> Floats: ...
+
+    @overload
+    def require(self, channel: Literal["face"]) -> NDArray[np.int32]: ...
+
+    @overload
+    def require(self, channel: Literal["front"]) -> Bools: ...
+
+    def require(self, channel: str) -> NDArray[Any]:
+        """The image of a channel, named as in `CHANNELS`. Raises ValueError where the rendering
+        was made without it, which is an error of the program.
+        """
+        there = self.channels()
+        if channel not in there:
+            raise ValueError(
+                f"the rendering has no channel {channel!r}, only {', '.join(there) or 'none'}"
+            )
+        return there[channel]
+
+    def points(self, camera: Camera, rows: NDArray[Any], columns: NDArray[Any]) -> Doubles:
+        """(n, 3) float64 world points of the surface at the centers of pixels, rows (n,) and
+        columns (n,) integers. camera: the one that it was rendered from, of the same size. NaN or
+        inf where nothing is seen. Raises ValueError without the channel depth.
+        """
+        xy_px = np.stack([columns, rows], axis=1) + 0.5
+        return camera.unproject(xy_px, self.require("depth")[rows, columns])
 
     def channels(self) -> dict[str, NDArray]:  # type: ignore[type-arg]
         """The images that exist, named as in `CHANNELS`."""

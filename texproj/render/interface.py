@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from types import TracebackType
 from typing import Protocol, Self
 
@@ -13,6 +13,9 @@ from texproj.camera import Camera
 from texproj.mesh import Mesh
 from texproj.render.gbuffer import GBuffer
 from texproj.render.surface import Surface
+
+Render = Callable[[Camera], GBuffer]
+"""Images of one mesh, with the channels that the caller needs, from any camera."""
 
 
 class Scene(Protocol):

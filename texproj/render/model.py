@@ -1,4 +1,4 @@
-"""Pictures of colored models as photographed (without light of our own), and of bare geometry."""
+"""Pictures of colored models as photographed, without light of our own."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from texproj.arrays import Bytes, Floats
 from texproj.camera import Camera
 from texproj.mesh import ColoredMesh, Mesh, TexturedMesh, face_cross
 from texproj.photo import linear_from_srgb, srgb_from_linear
-from texproj.render.gbuffer import GBuffer
 from texproj.render.interface import Renderer
 from texproj.render.lens import ideal_grid
 from texproj.render.surface import Hits, Surface, hits_on_faces, values_at_hits
@@ -24,9 +23,6 @@ NO_TEXTURE = 0.2
 
 WHITE = np.float32(65535)
 """Linear 1 in mipmaps."""
-
-AMBIENT = 0.25
-"""Brightness of `shade` where the surface is seen edge-on."""
 
 
 def render_model(
@@ -51,26 +47,9 @@ def render_model(
     return _encoded(cv2.resize(layers, (camera.width, camera.height), interpolation=cv2.INTER_AREA))
 
 
-def shade(gbuffer: GBuffer, background: tuple[int, int, int] = (255, 255, 255)) -> Bytes:
-    """(h, w, 3) uint8: bare geometry lit from the camera, from its normals; both sides alike.
-
-    Darkened by ambient occlusion where the g-buffer has it.
-    """
-    normal = gbuffer.normal_in_cam
-    if normal is None:
-        raise ValueError("shading needs the normal channel")
-    light = AMBIENT + (1 - AMBIENT) * np.abs(normal[..., 2])
-    if gbuffer.ao is not None:
-        light = light * gbuffer.ao
-    empty = (normal == 0).all(axis=-1)
-    grey = np.round(255 * light.clip(0, 1)).astype(np.uint8)
-    return np.where(empty[..., None], np.array(background, np.uint8), grey[..., None])
-
-
 def _hits(renderer: Renderer, surface: Surface, camera: Camera) -> Hits:
     with renderer.load(surface.mesh) as scene:
-        face = scene.gbuffer(camera, ("face",)).face
-    assert face is not None
+        face = scene.gbuffer(camera, ("face",)).require("face")
     ideal = ideal_grid(camera.intrinsics).reshape(-1, 2)
     return hits_on_faces(surface, camera, ideal, face.ravel())
 

@@ -1,11 +1,9 @@
-"""What hides what, by exact rays: ambient occlusion of vertices, visibility of surface points."""
+"""Ambient occlusion of vertices, by exact rays."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from texproj.arrays import Floats
 from texproj.mesh import Mesh
@@ -35,7 +33,7 @@ def ambient_occlusion(mesh: Mesh, rays: int = 64, seed: int = 0) -> Floats:
     and measured on the other side; vertices without a normal are 1.
     """
     surface = Surface(mesh)
-    caster = RayCaster(surface)
+    caster = RayCaster(surface.xyz_in_local, mesh.faces)
     rays = max(min(rays, MAX_RAYS // max(len(mesh.vertices), 1)), min(rays, MIN_RAYS))
     shifts = np.random.default_rng(seed).random((len(mesh.vertices), 2), np.float32)
     normals = surface.normal_in_world
@@ -92,54 +90,3 @@ def _tangents(n: Floats) -> tuple[Floats, Floats]:
     b = x * y * a
     b1 = np.stack([1 + sign * x * x * a, sign * b, -sign * x], axis=1)
     return b1, np.stack([b, sign + y * y * a, -y], axis=1)
-
-
-class Visibility:
-    """Whether points of a surface are seen from somewhere, by one exact ray each."""
-
-    def __init__(self, mesh: Mesh) -> None:
-        self._surface = Surface(mesh)
-        self._caster = RayCaster(self._surface)
-
-    def seen(
-        self,
-        center_in_world: ArrayLike,
-        xyz_in_world: ArrayLike,
-        normals: ArrayLike | None = None,
-        lift: float | None = None,
-    ) -> NDArray[np.bool_]:
-        """(n,) whether nothing stands between `center_in_world` (3,) and points (n, 3).
-
-        With unit `normals` (n, 3), points that face away are not seen, and each point is lifted by
-        `lift` (mesh units; default `LIFT` of the diagonal) along its normal, so that its own face
-        does not hide it at any slope; without, the ray ends `lift` before the point.
-        """
-        points = np.asarray(xyz_in_world).reshape(-1, 3)
-        lift = LIFT * self._surface.mesh.diagonal if lift is None else lift
-        sides = None if normals is None else np.asarray(normals).reshape(-1, 3)
-        center = np.asarray(center_in_world, np.float64)
-        out = np.zeros(len(points), bool)
-        for start in range(0, len(points), CHUNK):
-            part = slice(start, start + CHUNK)
-            out[part] = self._seen(
-                center, points[part], None if sides is None else sides[part], lift
-            )
-        return out
-
-    def _seen(
-        self,
-        center: NDArray[np.float64],
-        points: NDArray[Any],
-        normals: NDArray[Any] | None,
-        lift: float,
-    ) -> NDArray[np.bool_]:
-        to_points = points - center
-        if normals is not None:
-            facing = np.einsum("ij,ij->i", to_points, normals) < 0
-            to_points = to_points + lift * normals
-            end = np.full(len(points), 1 - 1e-6, np.float32)
-        else:
-            facing = np.ones(len(points), bool)
-            end = 1 - lift / np.maximum(np.linalg.norm(to_points, axis=1), lift)
-        origins = np.broadcast_to(center - self._surface.offset, points.shape)
-        return facing & ~self._caster.blocked(origins, to_points, end)

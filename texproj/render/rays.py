@@ -20,19 +20,19 @@ from texproj.render.surface import Hits, Surface, images_of_hits
 CHUNK = 1 << 19
 """Rays cast at a time; bounds memory to about 100 MB."""
 
-
 Reals = NDArray[np.floating[Any]]
 
 
 class RayCaster:
-    """Embree's tree over a surface. All coordinates are the surface's local ones, float32.
+    """Embree's tree over triangles. All coordinates are float32, so that the origin must be near.
 
     Embree runs in its robust mode, so that no ray slips through between two faces.
     """
 
-    def __init__(self, surface: Surface) -> None:
+    def __init__(self, xyz: NDArray[Any], faces: NDArray[Any]) -> None:
+        """xyz: (V, 3) vertices; faces: (F, 3) their rows."""
         self._scene = EmbreeScene(robust=True)
-        self._faces = TriangleMesh(self._scene, surface.xyz_in_local, np.array(surface.mesh.faces))
+        self._faces = TriangleMesh(self._scene, _float32(xyz), np.array(faces, np.int32))
 
     def first(self, origins: Reals, directions: Reals) -> Hits:
         """The first faces met by rays (n, 3), (n, 3): hits whose depth counts lengths of
@@ -57,7 +57,7 @@ class CPUScene:
 
     def __init__(self, surface: Surface) -> None:
         self.surface = surface
-        self.caster = RayCaster(surface)
+        self.caster = RayCaster(surface.xyz_in_local, surface.mesh.faces)
 
     def __enter__(self) -> CPUScene:
         return self

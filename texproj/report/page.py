@@ -6,10 +6,11 @@ import base64
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import cv2
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from numpy.typing import NDArray
+
+from texproj.formats.jpeg import jpeg_bytes
 
 JPEG_QUALITY = 82
 
@@ -25,14 +26,21 @@ def page(facts: Mapping[str, Any], overlays: Mapping[str, str], views: Sequence[
     )
     photos = sorted(facts["photos"], key=_worst_first)
     template = environment.get_template("report.html")
-    return template.render(facts=facts, photos=photos, overlays=overlays, views=views)
+    return template.render(
+        facts=facts, photos=photos, overlays=overlays, views=views, colors=_colors(facts)
+    )
+
+
+def _colors(facts: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    """What the coloring says of each photo, by its name."""
+    quality = (facts["color"] or {}).get("quality", {})
+    return {row["file"]: row for row in quality.get("photos", [])}
 
 
 def data_url(picture: NDArray[np.uint8]) -> str:
     """A (h, w, 3) RGB picture as a JPEG inside a URL."""
-    flags = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
-    _, data = cv2.imencode(".jpg", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), flags)
-    return "data:image/jpeg;base64," + base64.b64encode(data.tobytes()).decode()
+    data = jpeg_bytes(picture, JPEG_QUALITY)
+    return "data:image/jpeg;base64," + base64.b64encode(data).decode()
 
 
 def _worst_first(photo: Mapping[str, Any]) -> tuple[int, float, str]:

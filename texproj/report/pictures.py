@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from texproj.arrays import Bytes
 from texproj.camera import Camera, Intrinsics, Pose
 from texproj.mesh import Mesh
-from texproj.photo import Correspondences, Photo, srgb_from_linear
+from texproj.photo import Correspondences, Photo
 from texproj.render import GBuffer
 
 OVERLAY_LONGEST = 800
@@ -52,8 +52,7 @@ def overlay(photo: Photo, gbuffer: GBuffer) -> Bytes:
 
 def mesh_edges(gbuffer: GBuffer) -> Bytes:
     """(h, w) uint8: 1 on silhouettes and creases."""
-    assert gbuffer.depth is not None and gbuffer.normal_in_cam is not None
-    depth, normal = gbuffer.depth, gbuffer.normal_in_cam
+    depth, normal = gbuffer.require("depth"), gbuffer.require("normal")
     edges = np.zeros(depth.shape, np.uint8)
     for axis in (0, 1):
         first, second = _neighbors(depth, axis), _neighbors(normal, axis)
@@ -98,9 +97,7 @@ def draw_picks(
 
 def encoded(photo: Photo) -> Bytes:
     """(h, w, 3) uint8 sRGB of a photo, its own copy."""
-    if photo.encoding == "srgb":
-        return photo.pixels.astype(np.uint8)
-    return np.round(srgb_from_linear(photo.pixels) * 255).astype(np.uint8)
+    return np.array(photo.srgb8())
 
 
 def on_paper(picture: Bytes) -> Bytes:

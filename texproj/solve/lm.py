@@ -47,40 +47,25 @@ class Problem(Protocol[X]):
 class Loss:
     """A robust loss rho of the squared length s of a whitened residual row, rho'(0) = 1.
 
-    huber: quadratic up to `scale`, then linear (Huber 1964); cauchy: scale^2 log(1 + s/scale^2);
-    truncated: quadratic up to `scale`, then constant.
+    l2: s itself; cauchy: scale^2 log(1 + s/scale^2).
     """
 
-    kind: Literal["l2", "huber", "cauchy", "truncated"] = "l2"
+    kind: Literal["l2", "cauchy"] = "l2"
     scale: float = 1.0
 
     def cost(self, s: Doubles) -> Doubles:
         """(n,) rho(s)."""
         c2 = self.scale**2
-        if self.kind == "huber":
-            return np.where(s <= c2, s, 2 * self.scale * np.sqrt(s) - c2)
-        if self.kind == "cauchy":
-            return c2 * np.log1p(s / c2)
-        return np.minimum(s, c2) if self.kind == "truncated" else s
+        return c2 * np.log1p(s / c2) if self.kind == "cauchy" else s
 
     def weight(self, s: Doubles) -> Doubles:
         """(n,) rho'(s): the weight of the squared residual."""
-        c2 = self.scale**2
-        if self.kind == "huber":
-            return self.scale / np.sqrt(np.maximum(s, c2))
-        if self.kind == "cauchy":
-            return 1 / (1 + s / c2)
-        return (s <= c2).astype(float) if self.kind == "truncated" else np.ones_like(s)
+        return 1 / (1 + s / self.scale**2) if self.kind == "cauchy" else np.ones_like(s)
 
     def curvature(self, s: Doubles) -> Doubles:
         """(n,) s rho''(s): how the weight falls as the residual grows."""
-        c2 = self.scale**2
-        if self.kind == "huber":
-            return np.where(s <= c2, 0, -0.5 * self.weight(s))
-        if self.kind == "cauchy":
-            weight = self.weight(s)
-            return -weight * (1 - weight)
-        return np.zeros_like(s)
+        weight = self.weight(s)
+        return -weight * (1 - weight)
 
 
 @dataclass(frozen=True)

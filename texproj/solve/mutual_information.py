@@ -79,17 +79,3 @@ def normalized_mutual_information(joint: Doubles) -> float:
     if together == 0:
         return 1.0
     return (entropy_bits(joint.sum(1)) + entropy_bits(joint.sum(0))) / together
-
-
-def shared_information(
-    a: ArrayLike, b: ArrayLike, bins: int = 32, mask: ArrayLike | None = None
-) -> float:
-    """Mutual information, bits, of two images of one shape with values in 0..1.
-
-    mask: weight of each pixel (bool or number), 0 = background, which counts nothing.
-    """
-    first, second = np.asarray(a, np.float64), np.asarray(b, np.float64)
-    if first.shape != second.shape:
-        raise ValueError(f"images of {first.shape} and {second.shape} cannot be compared")
-    joint = joint_histogram(binned(first, bins), binned(second, bins), mask)
-    return mutual_information_bits(joint)

@@ -11,6 +11,7 @@ from scipy import fft
 
 from texproj.arrays import Doubles, Mask
 from texproj.camera import Camera
+from texproj.opencv import opencv_places
 from texproj.solve.reprojection import Prior, Reprojection, intrinsic_step, projection_jacobian
 
 ANGLES, RADII = 72, 24
@@ -92,9 +93,8 @@ class OutlineDistance:
 
     def _sampled(self, image: NDArray[np.float32], xy_px: Doubles) -> Doubles:
         height, width = image.shape
-        place = np.nan_to_num(xy_px - 0.5, nan=-9.0)
-        outside = (place < -0.5).any(axis=1) | (place > (width - 0.5, height - 0.5)).any(axis=1)
-        found = cv2.remap(image, place.astype(np.float32).reshape(-1, 1, 2), None,
+        outside = ~((xy_px >= 0) & (xy_px <= (width, height))).all(axis=1)
+        found = cv2.remap(image, opencv_places(xy_px).reshape(-1, 1, 2), None,
                           cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # fmt: skip
         return np.where(outside, np.nan, found.ravel())
 

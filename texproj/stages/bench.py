@@ -109,9 +109,8 @@ class Workbench:
         """A registered photo as others are compared with it."""
         from texproj.register.features import Known  # noqa: PLC0415 - slow to load
 
-        small = camera.scaled(min(1.0, FEATURES_LONGEST / max(camera.width, camera.height)))
-        depth = self.plain_scene.gbuffer(small, ("depth",)).depth
-        assert depth is not None
+        small = camera.reduced(FEATURES_LONGEST)
+        depth = self.plain_scene.gbuffer(small, ("depth",)).require("depth")
         record = self.project.load_cameras()[name]
         error = float(record.quality.get("expected_error_px") or 0)
         return Known(camera, self.features(name), depth, error)

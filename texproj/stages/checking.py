@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
-from texproj.color.checker.apply import with_checker
-from texproj.color.checker.fit import read_checker
+from texproj.color.checker.fit import Checker, read_checker
 from texproj.errors import InputError
 from texproj.formats.photos import read_photo, read_photo_info
-from texproj.options import ColorOptions
 from texproj.project import Project
 
 
@@ -19,18 +16,17 @@ def checker_path(project: Project) -> Path | None:
     return None if named is None else project.root / named
 
 
-def color_options(project: Project, names: Sequence[str]) -> ColorOptions:
-    """The options of color; with the color chart's correction, if there is one.
+def checker_of(project: Project) -> Checker | None:
+    """What the color chart says about color, None where the settings name none.
 
-    names: the photos of the cameras, in their order. Raises InputError for a photo that is not
-    there, or without a chart that can be used.
+    Raises InputError for a photo that is not there, or without a chart that can be used.
     """
-    options = project.settings.color
     path = checker_path(project)
     if path is None:
-        return options
+        return None
     if not path.is_file():
         raise InputError(f"no photo of a color chart at {path}; correct `checker` in [color]")
-    own = [n for n, name in enumerate(names) if project.photo_path(name).samefile(path)]
-    photo = read_photo(path, read_photo_info(path))
-    return with_checker(options, read_checker(photo, own[0] if own else None))
+    own = [name for name, photo in project.photo_paths.items() if photo.samefile(path)]
+    largest_mp = project.settings.largest_photo_mp
+    photo = read_photo(path, read_photo_info(path, largest_mp), largest_mp=largest_mp)
+    return read_checker(photo, own[0] if own else None)

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from texproj.camera import Camera
-from texproj.color.result import Texture
+from texproj.color.checker.fit import Checker
+from texproj.color.result import Texture, VertexColors
+from texproj.color.sampling.photo_set import PhotoSet
 from texproj.color.vertices import color_vertices
 from texproj.errors import InputError, OutputError, nearest_name
 from texproj.files import json_hash, staging
 from texproj.formats.cameras import entry_of_record
-from texproj.options import ColorOptions
-from texproj.photo import Photo
 from texproj.project import Project
 from texproj.records import CameraRecord
 from texproj.stages.bench import Workbench
-from texproj.stages.checking import checker_path, color_options
+from texproj.stages.checking import checker_of, checker_path
 from texproj.stages.freshness import (
     Freshness,
     Inputs,
@@ -61,8 +61,8 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
         return _outcome(before, kept=True)
     inputs = _inputs(project)
     cameras, failed = usable_cameras(project)
-    photos = Photos(project, list(cameras), failed)
-    quality, write = _made(bench, cameras, photos, progress)
+    colors, write = _made(bench, photo_set(project, cameras), progress)
+    failed |= colors.failed
     if not set(cameras) - set(failed):
         raise InputError(f"no photo could be read: {'; '.join(failed.values())}")
     with staging(project.out) as folder:
@@ -73,7 +73,7 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
         "outputs": {name: project.hash_of(project.out / name) for name in files},
         "used": [name for name in cameras if name not in failed],
         "failed": failed,
-        "quality": quality,
+        "quality": colors.quality,
     }
     project.save_record(STAGE, None, record)
     project.save_hashes()
@@ -127,54 +127,39 @@ def usable_cameras(project: Project) -> tuple[dict[str, Camera], dict[str, str]]
     return cameras, failed
 
 
-class Photos:
-    """Loads photos by index; one that cannot be read is None and is noted in `failed`."""
-
-    def __init__(self, project: Project, names: list[str], failed: dict[str, str]) -> None:
-        self._project, self._names, self.failed = project, names, failed
-
-    def __call__(self, index: int) -> Photo | None:
-        name = self._names[index]
-        try:
-            return self._project.load_photo(name)
-        except InputError as error:
-            self.failed[name] = str(error)
-            return None
+def photo_set(project: Project, cameras: Mapping[str, Camera]) -> PhotoSet:
+    """The photos of these cameras."""
+    return PhotoSet(tuple(cameras), tuple(cameras.values()), project.load_photo)
 
 
 def _made(
-    bench: Workbench, known: dict[str, Camera], photos: Photos, progress: Progress
-) -> tuple[dict[str, Any], Write]:
-    """The numbers of the model, and what writes it into a folder and returns the file names."""
+    bench: Workbench, photos: PhotoSet, progress: Progress
+) -> tuple[VertexColors | Texture, Write]:
+    """The colors of the model, and what writes it into a folder and returns the file names."""
 
     def tell(done: int, total: int) -> None:
         progress(STAGE, done, total, "")
 
-    options, cameras = color_options(bench.project, list(known)), list(known.values())
+    options, checker = bench.project.settings.color, checker_of(bench.project)
     plan = output_plan(options, bench.project.settings.output)
     if options.to == "vertices":
-        colors = color_vertices(bench.mesh, cameras, photos, bench.renderer, options, tell)
-        return colors.quality, lambda folder: write_vertices(folder, bench.source, colors, plan)
-    texture = _texture(bench, options, cameras, photos, tell)
-    return texture.quality, lambda folder: write_texture(folder, bench.mesh, texture, plan)
+        colors = color_vertices(bench.mesh, photos, bench.renderer, options, checker, tell)
+        return colors, lambda folder: write_vertices(folder, bench.source, colors, plan)
+    texture = _texture(bench, photos, checker, tell)
+    return texture, lambda folder: write_texture(folder, bench.mesh, texture, plan)
 
 
 def _texture(
-    bench: Workbench,
-    options: ColorOptions,
-    cameras: list[Camera],
-    photos: Photos,
-    tell: Callable[[int, int], None],
+    bench: Workbench, photos: PhotoSet, checker: Checker | None, tell: Callable[[int, int], None]
 ) -> Texture:
     from texproj.color.patches.texture import PatchSettings, color_patches  # noqa: PLC0415 - slow to load
     from texproj.color.texture import color_texture  # noqa: PLC0415
 
-    settings = bench.project.settings
-    unwrap = settings.unwrap
-    if options.to == "patches":
-        patches = PatchSettings(options, settings.patches, unwrap)
-        return color_patches(bench.mesh, cameras, photos, bench.renderer, patches, tell)
-    return color_texture(bench.mesh, cameras, photos, bench.renderer, options, unwrap, tell)
+    settings, given = bench.project.settings, (bench.mesh, photos, bench.renderer)
+    if settings.color.to == "patches":
+        patches = PatchSettings(settings.color, settings.patches, settings.unwrap)
+        return color_patches(*given, patches, checker, tell)
+    return color_texture(*given, settings.color, settings.unwrap, checker, tell)
 
 
 def _inputs(project: Project) -> Inputs:

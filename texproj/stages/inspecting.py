@@ -11,25 +11,25 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.camera import Camera
-from texproj.color.factors import FACTORS, Inspection, photo_factors
+from texproj.color.factors import Inspection, photo_factors
 from texproj.color.points.pixels import PixelPoints
-from texproj.color.points.source import VertexPoints
-from texproj.color.sampling.depth_images import Depths
+from texproj.color.points.source import PointSource, VertexPoints
+from texproj.color.sampling.photo_set import PhotoSet, reasons
 from texproj.color.sampling.resolution import texels_per_unit
+from texproj.color.weights.names import FACTORS
 from texproj.errors import InputError
 from texproj.files import staging
+from texproj.formats.jpeg import jpeg_bytes
 from texproj.report.factors import factor_image, factor_sheet
 from texproj.resources.scratch import Scratch
 from texproj.stages.bench import Workbench
-from texproj.stages.checking import color_options
-from texproj.stages.coloring import Photos, usable_cameras
+from texproj.stages.coloring import photo_set, usable_cameras
 from texproj.stages.progress import Progress, silent
 
 STAGE = "factors"
 BATCH = 8
 """Photos whose pixels are looked at together; each batch decodes all photos once."""
-SHEET = "overview.jpg"
+SHEET, SHEET_QUALITY = "overview.jpg", 95
 
 Tell = Callable[[int, int], None]
 Images = dict[str, NDArray[np.float32]]
@@ -63,13 +63,15 @@ def inspect_project(
     batches = [chosen[k : k + BATCH] for k in range(0, len(chosen), BATCH)]
     outcome = InspectionOutcome({}, {}, failed)
     with closing(Scratch()) as scratch:
-        looker = _Looker(bench, cameras, Photos(project, list(cameras), failed), scratch)
+        looker = _Looker(bench, photo_set(project, cameras), scratch)
         for number, batch in enumerate(batches):
 
             def tell(done: int, total: int, number: int = number) -> None:
                 progress(STAGE, number * total + done, len(batches) * total, "")
 
-            for name, images in looker.look(batch, longest, tell).items():
+            found, unread = looker.look(batch, longest, tell)
+            failed |= unread
+            for name, images in found.items():
                 if not images:
                     failed[name] = "sees nothing of the mesh"
                     continue
@@ -85,11 +87,11 @@ def vertex_factors(
 
     Raises InputError if the photo is not registered.
     """
-    cameras, failed = usable_cameras(bench.project)
+    cameras, _ = usable_cameras(bench.project)
     if name not in cameras:
         raise InputError(f"{name} is not registered, so it counts nowhere")
     with closing(Scratch()) as scratch:
-        looker = _Looker(bench, cameras, Photos(bench.project, list(cameras), failed), scratch)
+        looker = _Looker(bench, photo_set(bench.project, cameras), scratch)
 
         def tell(done: int, total: int) -> None:
             progress(STAGE, done, total, "")
@@ -100,36 +102,37 @@ def vertex_factors(
 class _Looker:
     """Looks at the factors of some photos, with what all of them need."""
 
-    def __init__(
-        self, bench: Workbench, cameras: dict[str, Camera], photos: Photos, scratch: Scratch
-    ) -> None:
-        self._bench, self._photos, self._scratch = bench, photos, scratch
-        self._names, self._cameras = list(cameras), list(cameras.values())
-        self._options = color_options(bench.project, self._names)
-        self._depths = Depths.of(self._cameras, bench.plain_scene, self._options, scratch)
-        density = texels_per_unit(bench.mesh, self._cameras, self._depths, self._options)
+    def __init__(self, bench: Workbench, photos: PhotoSet, scratch: Scratch) -> None:
+        self._bench, self._scratch = bench, scratch
+        self._options = bench.project.settings.color
+        self._photos = photos.rendered(bench.plain_scene, scratch)
+        density = texels_per_unit(bench.mesh, self._photos, self._options)
         self._spacing = 1 / np.maximum(density, np.finfo(np.float32).tiny)
 
-    def look(self, batch: Sequence[int], longest: int, tell: Tell) -> dict[str, Images]:
-        """The factors of the photos of those numbers as images, nan where the mesh is not."""
-        frames = [self._cameras[number] for number in batch]
-        small = [c.scaled(min(1.0, longest / max(c.width, c.height))) for c in frames]
+    def look(
+        self, batch: Sequence[int], longest: int, tell: Tell
+    ) -> tuple[dict[str, Images], dict[str, str]]:
+        """The factors of the photos of those numbers as images, nan where the mesh is not; and why
+        photos could not be read.
+        """
+        small = [self._photos.cameras[number].reduced(longest) for number in batch]
         points = PixelPoints.of(self._bench.mesh, self._bench.plain_scene, small, self._spacing)
-        job = Inspection(
-            points, self._cameras, self._photos, self._depths, self._options, self._scratch
-        )
         seeing = {number: [k] for k, number in enumerate(batch) if points.sizes[k]}
-        found = photo_factors(job, seeing, tell)
-        blind: dict[str, Images] = {self._names[n]: {} for n in batch if n not in seeing}
-        return blind | {
-            self._names[number]: {
+        found, failed = photo_factors(self._inspection(points), seeing, tell)
+        names = self._photos.names
+        blind: dict[str, Images] = {names[n]: {} for n in batch if n not in seeing}
+        images = {
+            names[number]: {
                 name: points.image(batch.index(number), values) for name, values in factors.items()
             }
             for number, factors in found.items()
         }
+        return blind | images, reasons(failed)
 
     def look_at_vertices(self, name: str, tell: Tell) -> Images:
-        """(V,) factors of one photo; detail is compared as finely as for a texture."""
+        """(V,) factors of one photo; detail is compared as finely as for a texture. Raises
+        InputError if it cannot be read.
+        """
         points, faces = VertexPoints.of(self._bench.mesh), self._bench.mesh.faces
         if self._options.to != "vertices":
             count = len(points.owners.center)
@@ -137,14 +140,15 @@ class _Looker:
             spacing = around / np.maximum(np.bincount(faces.ravel(), minlength=count), 1)
             owners = replace(points.owners, spacing=spacing.astype(np.float32))
             points = VertexPoints(owners)
-        job = Inspection(
-            points, self._cameras, self._photos, self._depths, self._options, self._scratch
-        )
-        number = self._names.index(name)
-        found = photo_factors(job, {number: range(len(points.sizes))}, tell).get(number)
-        if found is None:
-            raise InputError(self._photos.failed[name])
+        number, chunks = self._photos.names.index(name), range(len(points.sizes))
+        factors, failed = photo_factors(self._inspection(points), {number: chunks}, tell)
+        if number not in factors:
+            raise InputError(reasons(failed)[name])
+        found = factors[number]
         return {k: np.where(found["weight"] > 0, v, np.float32(0)) for k, v in found.items()}
+
+    def _inspection(self, points: PointSource) -> Inspection:
+        return Inspection(points, self._photos, self._options, self._scratch)
 
 
 def _written(bench: Workbench, name: str, images: Images) -> Path:
@@ -157,6 +161,6 @@ def _written(bench: Workbench, name: str, images: Images) -> Path:
             gray, alpha = cv2.split(factor_image(values))
             image = cv2.merge([gray, gray, gray, alpha])
             (folder / f"{factor}.png").write_bytes(cv2.imencode(".png", image)[1].tobytes())
-        sheet = factor_sheet(photo, images, FACTORS)[..., ::-1]
-        (folder / SHEET).write_bytes(cv2.imencode(".jpg", sheet)[1].tobytes())
+        sheet = factor_sheet(photo, images, FACTORS)
+        (folder / SHEET).write_bytes(jpeg_bytes(sheet, SHEET_QUALITY))
     return target

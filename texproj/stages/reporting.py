@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from texproj import __version__
 from texproj.errors import InputError
 from texproj.files import json_hash, staging
 from texproj.formats.models import read_model
@@ -35,6 +34,7 @@ from texproj.stages.entries import is_refined
 from texproj.stages.freshness import Freshness, Inputs, changed_inputs, file_inputs, options_inputs
 from texproj.stages.progress import Progress, silent
 from texproj.stages.writing import GLB, OBJ, PLY
+from texproj.version import __version__
 
 STAGE = "report"
 VERSION = 1

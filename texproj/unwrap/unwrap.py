@@ -1,8 +1,9 @@
-"""Unwrap a mesh: few, large, nearly flat charts on the pages of a texture."""
+"""Unwrapping of a mesh: few, large, nearly flat charts on the pages of a texture."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,12 +12,13 @@ from texproj.arrays import Doubles
 from texproj.errors import InputError
 from texproj.mesh import Mesh, face_areas
 from texproj.options import UnwrapOptions
-from texproj.unwrap.atlas import Atlas, AtlasStats
+from texproj.unwrap.atlas import Atlas
 from texproj.unwrap.charts import Charts, extents, select, upright
 from texproj.unwrap.flatten import Regions, flatten
-from texproj.unwrap.packing import Placement, pack
+from texproj.unwrap.packing import Placement
+from texproj.unwrap.pages import atlas_of, first_scale, on_pages
 from texproj.unwrap.regions import dual_graph
-from texproj.unwrap.stretch import flat_areas, stretch, weighted_quantiles
+from texproj.unwrap.stretch import flat_areas
 
 EXPECTED_FILL = 0.75  # of the pages; the first guess where the resolution must be lowered
 TILE_SHARE = 0.8  # of a page for each part of a chart that is longer than a page
@@ -43,14 +45,16 @@ def unwrap(
     density = np.broadcast_to(np.asarray(texels_per_unit, np.float64), len(mesh.faces))
     regions = regions or Regions.of(mesh, options)
     flat, overlaps = flatten(mesh, regions, density, options)
-    charts = _at_density(mesh, upright(flat), density)
+    charts = at_density(mesh, upright(flat), density)
     charts, scale, placement = _fit(mesh, charts, options)
-    stats = _stats(mesh, charts, placement, scale, overlaps)
-    return _atlas(charts, placement, options.padding_px, stats)
+    return atlas_of(mesh, charts, placement, scale, overlaps, options)
 
 
-def _at_density(mesh: Mesh, charts: Charts, density: Doubles) -> Charts:
-    """The charts in texels: each with as many as its surface asks for."""
+def at_density(mesh: Mesh, charts: Charts, density: Doubles) -> Charts:
+    """The charts in texels: each with as many as its surface asks for.
+
+    density: (F,) texels per mesh unit.
+    """
     area = face_areas(mesh)
     wanted = np.bincount(charts.chart_of_face, area * density**2, charts.count)
     flat = np.bincount(charts.chart_of_face, flat_areas(charts.uv, charts.faces), charts.count)
@@ -63,17 +67,12 @@ def _fit(mesh: Mesh, charts: Charts, options: UnwrapOptions) -> tuple[Charts, fl
     the pages; the placement.
     """
     room = options.page_size - 2 * options.padding_px
-    area = float(flat_areas(charts.uv, charts.faces).sum())
-    scale = min(1.0, float(np.sqrt(EXPECTED_FILL * options.max_pages * room**2 / area)))
+    scale = first_scale(charts, EXPECTED_FILL, options)
     if options.max_pages > 1:
         charts = _cut_long(mesh, charts, room / scale)
     longest = float(extents(charts.uv, charts.starts)[1].max())
-    scale = min(scale, room / longest)
-    while True:
-        placement = pack(_scaled(charts, scale), options.padding_px, options.page_size)
-        if len(placement.page_sizes) <= options.max_pages:
-            return charts, scale, placement
-        scale *= 0.95
+    scale, placement = on_pages(partial(_scaled, charts), min(scale, room / longest), options)
+    return charts, scale, placement
 
 
 def _cut_long(mesh: Mesh, charts: Charts, longest: float) -> Charts:
@@ -94,26 +93,3 @@ def _scaled(charts: Charts, scale: float) -> Charts:
     size = extents(charts.uv, charts.starts)[1] * scale
     grow = np.maximum(1.0, SMALLEST_CHART_PX / np.maximum(size, 1e-9))
     return replace(charts, uv=charts.uv * (scale * grow)[charts.chart_of_uv])
-
-
-def _stats(
-    mesh: Mesh, charts: Charts, placed: Placement, scale: float, overlaps: int
-) -> AtlasStats:
-    texels = float(flat_areas(placed.uv, charts.faces).sum())
-    ratio = stretch(mesh.vertices[mesh.faces], placed.uv[charts.faces])
-    median, p95 = weighted_quantiles(ratio, face_areas(mesh), (0.5, 0.95))
-    pages = sum(w * h for w, h in placed.page_sizes)
-    return AtlasStats(charts.count, median, p95, texels / pages, scale, overlaps)
-
-
-def _atlas(charts: Charts, placed: Placement, padding_px: int, stats: AtlasStats) -> Atlas:
-    return Atlas(
-        uv_px=placed.uv,
-        faces=charts.faces.astype(np.int32),
-        vertex_of_uv=charts.vertex_of_uv.astype(np.int32),
-        page_of_face=placed.page_of_chart[charts.chart_of_face].astype(np.int32),
-        chart_of_face=charts.chart_of_face.astype(np.int32),
-        page_sizes=placed.page_sizes,
-        padding_px=padding_px,
-        stats=stats,
-    )

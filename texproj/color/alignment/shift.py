@@ -7,7 +7,7 @@ reconstruction with consumer depth cameras", SIGGRAPH 2014; the rules of what is
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from texproj.arrays import Floats
 from texproj.camera import Camera
 from texproj.color.alignment.flow import sure_flow
-from texproj.color.checker.apply import without_checker
 from texproj.color.result import Texture, textured_mesh
+from texproj.color.sampling.photo_set import PhotoSet, Unusable
 from texproj.color.sampling.view import PhotoView
 from texproj.mesh import Mesh, TexturedMesh
 from texproj.options import ColorOptions
@@ -39,7 +39,6 @@ LEAST_PX = 4.0
 
 ROUGH = 0.5
 """Texels per pixel of the first coloring, against that of the result."""
-
 
 KEPT = 4
 """Pixels of the compared picture per pixel of the displacement that is kept: it is smooth."""
@@ -62,35 +61,34 @@ class Alignment:
 def rough(options: ColorOptions) -> ColorOptions:
     """The options of the coloring against which photos are compared."""
     density = options.texels_per_pixel * ROUGH
-    plain = without_checker(options)
-    return replace(plain, align=False, blend="robust", texels_per_pixel=density, bits=8)
+    return replace(options, align=False, blend="robust", texels_per_pixel=density, bits=8)
 
 
 def alignments(
     mesh: Mesh,
     texture: Texture,
-    cameras: Sequence[Camera],
-    load_photo: Callable[[int], Photo | None],
+    photos: PhotoSet,
     renderer: Renderer,
-) -> list[Alignment | None]:
-    """The displacements of all photos against a texture made of them, None for a photo that could
-    not be loaded. Every photo is loaded once more.
+) -> tuple[Alignment | Unusable, ...]:
+    """The displacements of all photos against a texture made of them. Every photo is read once
+    more.
     """
     model = textured_mesh(mesh, texture, normals=False)
-    out: list[Alignment | None] = []
-    for number, camera in enumerate(cameras):
-        photo = load_photo(number)
-        out.append(None if photo is None else alignment(photo, camera, model, renderer))
-        del photo  # before the next one is loaded
-    return out
+
+    def one(number: int) -> Alignment | Unusable:
+        photo = photos.photo(number)
+        if isinstance(photo, Unusable):
+            return photo
+        return alignment(photo, photos.cameras[number], model, renderer)
+
+    return tuple(one(number) for number in range(len(photos)))
 
 
 def alignment(photo: Photo, camera: Camera, model: TexturedMesh, renderer: Renderer) -> Alignment:
     """The displacement of one photo against a model. camera: of the full-size photo."""
-    factor = min(1.0, WORKING_PX / max(photo.width, photo.height))
-    size = (round(photo.width * factor), round(photo.height * factor))
+    small = photo.reduced(WORKING_PX)
+    size = (small.width, small.height)
     render = render_model(renderer, model, camera.resized(*size), samples=1)
-    small = photo.resized(*size)
     solid = render[..., 3] == 255
     if small.mask is not None:
         solid &= small.mask > 0
@@ -119,24 +117,32 @@ def _described(shift: Floats, sure: NDArray[np.bool_], solid: NDArray[np.bool_])
 
 
 def displaced(
-    views: Iterable[PhotoView | None], found: Sequence[Alignment | None] | None
-) -> Iterator[PhotoView | None]:
+    views: Iterable[PhotoView | Unusable], found: Sequence[Alignment | Unusable]
+) -> Iterator[PhotoView | Unusable]:
     """The views with their displacements, if any were looked for."""
     for number, view in enumerate(views):
         one = found[number] if found else None
-        yield view if view is None or one is None else replace(view, shift=one.shift)
+        if isinstance(view, PhotoView) and isinstance(one, Alignment):
+            yield replace(view, shift=one.shift)
+        else:
+            yield view
         del view  # before the next one is made
 
 
-def per_alignment(found: Sequence[Alignment | None] | None) -> dict[str, Any]:
-    """For the report: for each photo, in pixels, the median and the largest displacement where it
-    is sure, and the part of the surface in the picture where it is.
+def failures(found: Iterable[Alignment | Unusable]) -> list[Unusable]:
+    """The photos that could not be read when they were to be aligned."""
+    return [one for one in found if isinstance(one, Unusable)]
+
+
+def per_alignment(
+    names: Sequence[str], found: Sequence[Alignment | Unusable]
+) -> dict[str, list[dict[str, Any]]]:
+    """For the report: of each photo the median and the largest displacement, pixels, where it is
+    sure, and the part of the surface in the picture where it is; nothing if none were looked for.
     """
-    if not found:
-        return {}
-    return {
-        "alignment": [
-            one and {"median_px": one.median_px, "largest_px": one.largest_px, "sure": one.sure}
-            for one in found
-        ]
-    }
+    rows = [
+        {"file": n, "median_px": one.median_px, "largest_px": one.largest_px, "sure": one.sure}
+        for n, one in zip(names, found, strict=bool(found))
+        if isinstance(one, Alignment)
+    ]
+    return {"alignment": rows} if found else {}

@@ -16,6 +16,7 @@ from texproj.camera import Camera
 from texproj.color.points.source import Chunk, PointSource
 from texproj.color.sampling.pixel_lookup import depth_pixels
 from texproj.color.sampling.store import Stack
+from texproj.opencv import opencv_places
 from texproj.render import pinhole_cover
 
 
@@ -104,8 +105,8 @@ def _straightened(bent: Camera, factors: Floats) -> Grid:
     b, k = bent.intrinsics, straight.intrinsics
     x, y = np.meshgrid(np.arange(k.width) + 0.5, np.arange(k.height) + 0.5)
     ideal = np.stack([(x - k.cx) / k.fx, (y - k.cy) / k.fy], axis=-1).reshape(-1, 2)
-    at = b.distort(ideal) * (b.fx, b.fy) + (b.cx - 0.5, b.cy - 0.5)
-    maps = np.nan_to_num(at, nan=-1e6).reshape(k.height, k.width, 2).astype(np.float32)
+    at = b.distort(ideal) * (b.fx, b.fy) + (b.cx, b.cy)
+    maps = opencv_places(at).reshape(k.height, k.width, 2)
     values = cv2.remap(factors, maps, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return Grid(straight, values)
 

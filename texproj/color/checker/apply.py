@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
@@ -13,45 +13,25 @@ from texproj.color.balance.corrections import Correction
 from texproj.color.balance.photometry import Photometry
 from texproj.color.balance.shared_points import Survey
 from texproj.color.checker.fit import XYZ_OF_SRGB, Checker
-from texproj.options import ColorOptions
 from texproj.photo import PhotoInfo
 
 
-@dataclass(frozen=True)
-class CheckedOptions(ColorOptions):
-    """Options of color together with what the photo of a color chart says."""
-
-    found: Checker | None = None
-
-
-def with_checker(options: ColorOptions, checker: Checker) -> ColorOptions:
-    """The options, with a chart that makes the colors absolute."""
-    return CheckedOptions(**asdict(options), found=checker)
-
-
-def without_checker(options: ColorOptions) -> ColorOptions:
-    """The options for colors as the photos have them."""
-    return replace(options, found=None) if isinstance(options, CheckedOptions) else options
-
-
 def absolute_matrix(
-    options: ColorOptions, survey: Survey, light: Photometry
+    checker: Checker | None, names: Sequence[str], survey: Survey, light: Photometry
 ) -> tuple[Floats | None, dict[str, Any]]:
     """(3, 3) blended linear light to absolute linear sRGB, None without a chart; and figures for
-    the report.
+    the report. names: of the model's photos.
 
     The blend is in the unit of the photos times their corrections. The chart ties it to absolute
     light through its own photo's gain if that is one of the model's; else through photos of the
     same camera, by EXIF exposure; else it sets the hues alone and leaves the exposure.
     """
-    checker = options.found if isinstance(options, CheckedOptions) else None
     if checker is None:
         return None, {}
     gain = np.log(light.gains.factor.astype(np.float64))
-    if checker.index is not None:
-        factor = light.gains.factor[checker.index] * light_at(
-            light.corrections[checker.index], checker.place
-        )
+    if checker.photo in names:
+        number = names.index(checker.photo)
+        factor = light.gains.factor[number] * light_at(light.corrections[number], checker.place)
         matrix, tie = checker.matrix / factor, "the chart's photo is one of the model's"
     elif (stops := _stops(checker.info, survey)) is not None:
         log_factor = np.nanmean(stops[:, None] * np.log(2) - gain, axis=0)

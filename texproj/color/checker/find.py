@@ -102,7 +102,7 @@ def _pictures(photo: Photo) -> Iterator[tuple[NDArray[np.uint8], float]]:
         return
     for size in SIZES_PX:
         scale = min(1.0, size / max(photo.width, photo.height))
-        small = photo.resized(round(photo.width * scale), round(photo.height * scale)).linear()
+        small = photo.reduced(size).linear()
         bright = np.percentile(small.reshape(-1, 3)[::7], 98, axis=0)
         for white in (np.ones(3), np.maximum(bright, 1e-3) / 0.8):
             encoded = srgb_from_linear(small / white.astype(np.float32))

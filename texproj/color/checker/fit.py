@@ -57,8 +57,8 @@ class Checker:
     matrix: (3, 3) linear light of that photo to absolute linear sRGB, 1 = perfect white; info: the
     photo's header; before, after: (24,) CIEDE2000 of the patches; left_out: (24,) of each patch
     when the others alone are fitted; falloff: brightest over darkest light on the chart;
-    index: number of the camera whose photo it is, None if it is none of the model's; place: of
-    the chart in that photo, 0..1 from its top-left corner.
+    photo: name of the model's photo that it is, None if it is none of them; place: of the chart in
+    that photo, 0..1 from its top-left corner.
     """
 
     matrix: Doubles
@@ -67,7 +67,7 @@ class Checker:
     after: Doubles
     left_out: Doubles
     falloff: float
-    index: int | None = None
+    photo: str | None = None
     place: tuple[float, float] = (0.5, 0.5)
 
     @property
@@ -81,10 +81,10 @@ class Checker:
         }  # fmt: skip
 
 
-def read_checker(photo: Photo, index: int | None = None) -> Checker:
+def read_checker(photo: Photo, name: str | None = None) -> Checker:
     """The correction that the color chart in a photo calls for.
 
-    index: number of the camera whose photo it is. Raises InputError, one sentence with the remedy,
+    name: of the model's photo that it is, if any. Raises InputError, one sentence with the remedy,
     where there is no chart, where it is cut or wrongly exposed, and where no correction fits.
     """
     problem = InputError(
@@ -93,13 +93,13 @@ def read_checker(photo: Photo, index: int | None = None) -> Checker:
     )
     for number, corners in enumerate(find_charts(photo)):
         try:
-            return _checker(measure_chart(photo, corners), photo.info, index)
+            return _checker(measure_chart(photo, corners), photo.info, name)
         except InputError as error:
             problem = problem if number else error
     raise problem
 
 
-def _checker(seen: Patches, info: PhotoInfo, index: int | None) -> Checker:
+def _checker(seen: Patches, info: PhotoInfo, name: str | None) -> Checker:
     """The correction that patches call for. Raises InputError where none fits."""
     fits = [(patches, *_fit(patches, np.ones(24, bool))) for patches in (seen, seen.turned())]
     patches, matrix, slope = min(fits, key=lambda fit: float(np.median(_differences(*fit))))
@@ -115,7 +115,7 @@ def _checker(seen: Patches, info: PhotoInfo, index: int | None) -> Checker:
     left_out = _left_out(patches)
     falloff = float(light.max() / light.min())
     return Checker(
-        matrix, info, before, after, left_out, falloff, index, patches.middle
+        matrix, info, before, after, left_out, falloff, name, patches.middle
     )  # fmt: skip
 
 

@@ -12,15 +12,16 @@ from texproj.arrays import Ints
 from texproj.camera import Camera
 from texproj.color.patches.labels import Labels
 from texproj.color.sampling.resolution import UNSEEN
-from texproj.mesh import Mesh, face_areas, face_normals
+from texproj.mesh import Mesh, face_normals
 from texproj.options import UnwrapOptions
-from texproj.unwrap.atlas import Atlas, AtlasStats
+from texproj.unwrap.atlas import Atlas
 from texproj.unwrap.chart_overlap import doubled
 from texproj.unwrap.charts import Charts, extents, join, upright
 from texproj.unwrap.flatten import Regions, flatten
-from texproj.unwrap.packing import Placement, pack
+from texproj.unwrap.packing import Placement
+from texproj.unwrap.pages import atlas_of, first_scale, on_pages
 from texproj.unwrap.regions import DualGraph, connected
-from texproj.unwrap.stretch import flat_areas, stretch, weighted_quantiles
+from texproj.unwrap.unwrap import at_density
 
 ROW_PX = 0.5
 """Distance of the rows in which overlaps are looked for."""
@@ -61,7 +62,7 @@ def patch_atlas(
     if len(unseen):
         parts.append(_flat(mesh, unseen, density, options))
     charts, scale, placed = _fit(join(parts), options, room)
-    return _atlas(mesh, charts, placed, scale, (options.padding_px, overlaps))
+    return atlas_of(mesh, charts, placed, scale, overlaps, options)
 
 
 def continued(mesh: Mesh, atlas: Atlas, graph: DualGraph) -> NDArray[np.bool_]:
@@ -158,11 +159,7 @@ def _flat(mesh: Mesh, faces: Ints, density: NDArray[np.float32], options: Unwrap
     wanted = np.where(density > 0, density, UNSEEN * typical)[faces].astype(np.float64)
     rest = Mesh(mesh.vertices, mesh.faces[faces])
     flat, _ = flatten(rest, Regions.of(rest, options), wanted, options)
-    texels = np.bincount(flat.chart_of_face, face_areas(rest) * wanted**2, flat.count)
-    area = np.bincount(flat.chart_of_face, flat_areas(flat.uv, flat.faces), flat.count)
-    scale = np.sqrt(texels / np.maximum(area, 1e-300))
-    flat = flat.with_uv(flat.uv * scale[flat.chart_of_uv, None])
-    return replace(upright(flat), face_of_mesh=faces)
+    return replace(upright(at_density(rest, flat, wanted)), face_of_mesh=faces)
 
 
 def _fit(charts: Charts, options: UnwrapOptions, room: int) -> tuple[Charts, float, Placement]:
@@ -170,17 +167,16 @@ def _fit(charts: Charts, options: UnwrapOptions, room: int) -> tuple[Charts, flo
     size = extents(charts.uv, charts.starts)[1]
     grow = np.maximum(1.0, SMALLEST_PX / np.maximum(size.max(axis=1), 1e-9))
     charts = charts.with_uv(charts.uv * grow[charts.chart_of_uv, None])
-    area = float(flat_areas(charts.uv, charts.faces).sum())
-    scale = min(1.0, float(np.sqrt(EXPECTED_FILL * options.max_pages * room**2 / area)))
-    scale = min(scale, room / float(size.max() + 1))
-    while True:
+    scale = first_scale(charts, EXPECTED_FILL, options)
+
+    def flush(scale: float) -> Charts:
         scaled = charts.with_uv(charts.uv * scale)
         low, _ = extents(scaled.uv, scaled.starts)
-        flush = scaled.with_uv(scaled.uv - low[scaled.chart_of_uv])
-        placed = pack(flush, options.padding_px, options.page_size)
-        if len(placed.page_sizes) <= options.max_pages:
-            return scaled, scale, _on_grid(scaled, placed)
-        scale *= 0.95
+        return scaled.with_uv(scaled.uv - low[scaled.chart_of_uv])
+
+    scale, placed = on_pages(flush, min(scale, room / float(size.max() + 1)), options)
+    scaled = charts.with_uv(charts.uv * scale)
+    return scaled, scale, _on_grid(scaled, placed)
 
 
 def _on_grid(charts: Charts, placed: Placement) -> Placement:
@@ -200,23 +196,3 @@ def _on_grid(charts: Charts, placed: Placement) -> Placement:
     uv = np.where(swap[chart, None], charts.uv[:, ::-1], charts.uv)
     low = np.where(swap[:, None], low[:, ::-1], low)
     return replace(placed, uv=uv + np.round(corner - low)[chart])
-
-
-def _atlas(
-    mesh: Mesh, charts: Charts, placed: Placement, scale: float, told: tuple[int, int]
-) -> Atlas:
-    padding_px, overlaps = told
-    ratio = stretch(mesh.vertices[mesh.faces], placed.uv[charts.faces])
-    median, p95 = weighted_quantiles(ratio, face_areas(mesh), (0.5, 0.95))
-    texels = float(flat_areas(placed.uv, charts.faces).sum())
-    packed = texels / sum(w * h for w, h in placed.page_sizes)
-    return Atlas(
-        uv_px=placed.uv,
-        faces=charts.faces.astype(np.int32),
-        vertex_of_uv=charts.vertex_of_uv.astype(np.int32),
-        page_of_face=placed.page_of_chart[charts.chart_of_face].astype(np.int32),
-        chart_of_face=charts.chart_of_face.astype(np.int32),
-        page_sizes=placed.page_sizes,
-        padding_px=padding_px,
-        stats=AtlasStats(charts.count, median, p95, packed, scale, overlaps),
-    )

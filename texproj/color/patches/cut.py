@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -10,14 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.arrays import Floats
-from texproj.camera import Camera
 from texproj.color.balance.corrections import Correction, Grid, factors_at, grid_of
 from texproj.color.balance.photometry import Photometry
 from texproj.color.patches.seams import PatchBlend, PatchBlends
 from texproj.color.points.texels import TexelPoints
-from texproj.color.sampling.depth_images import Depths
-from texproj.color.sampling.gather import LoadPhoto
-from texproj.color.sampling.prepare import view_of
+from texproj.color.sampling.gather import Projection
+from texproj.color.sampling.photo_set import PhotoSet, Unusable
 from texproj.color.sampling.sample import Samples, sample
 from texproj.color.sampling.store import Spill
 from texproj.color.sampling.view import WHITE, PhotoView
@@ -28,44 +26,31 @@ from texproj.resources.threads import ahead, in_parallel
 from texproj.unwrap.atlas import Atlas
 
 
-@dataclass(frozen=True, eq=False)
-class Shots:
-    """Photos, ready to be sampled, one at a time."""
-
-    cameras: Sequence[Camera]
-    load_photo: LoadPhoto
-    depths: Depths
-    options: ColorOptions
-
-    def view(self, number: int) -> PhotoView | None:
-        photo = self.load_photo(number)
-        if photo is None:
-            return None
-        return view_of(photo, self.cameras[number], *self.depths.read(number), self.options)
-
-
 def cut(
     texels: TexelPoints,
     atlas: Atlas,
     blends: PatchBlends,
     light: Photometry,
-    shots: Shots,
+    photos: PhotoSet,
+    options: ColorOptions,
     progress: Callable[[int], None],
-) -> Spill:
+) -> Projection:
     """The pixels of every photo where it gives some: square roots of linear light, leveled."""
-    pixels = Spill(texels.sizes, texels.scratch)
+    pixels, failed = Spill(texels.sizes, texels.scratch), []
     cutting = _Cutting(texels, corner_maps(atlas), _tiles_of_faces(texels, len(atlas.faces)))
 
-    def make(number: int) -> tuple[PatchBlend, PhotoView | None]:
-        return blends.blend(number), shots.view(blends.photos[number])
+    def make(number: int) -> tuple[PatchBlend, PhotoView | Unusable]:
+        return blends.blend(number), photos.view(blends.photos[number], options)
 
     for done, (blend, view) in enumerate(ahead(make, len(blends))):
-        if view is not None:
-            cutting.add(pixels, blend, view, light.corrections[blend.photo], shots.options)
+        if isinstance(view, Unusable):
+            failed.append(view)
+        else:
+            cutting.add(pixels, blend, view, light.corrections[blend.photo], options)
         del view, blend  # before the next ones are made
         trim()
         progress(done + 1)
-    return pixels
+    return Projection(pixels, tuple(failed))
 
 
 @dataclass(frozen=True, eq=False)

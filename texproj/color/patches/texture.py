@@ -7,7 +7,7 @@ led by what all photos agree on, so that occluders in front of the surface are n
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -16,22 +16,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.arrays import Floats
-from texproj.camera import Camera
 from texproj.color.balance.corrections import Gains
 from texproj.color.balance.photometry import Photometry, solve_photometry
-from texproj.color.balance.shared_points import Surveyor
+from texproj.color.balance.shared_points import Survey, Surveyor
 from texproj.color.checker.apply import absolute_matrix, in_absolute
+from texproj.color.checker.fit import Checker
 from texproj.color.filling.gutters import fill_page
 from texproj.color.filling.texels import fill_unseen
 from texproj.color.patches.charts import continued, patch_atlas
-from texproj.color.patches.cut import Shots, cut
+from texproj.color.patches.cut import cut
 from texproj.color.patches.labels import Labels, choose_photos, merge_islands
 from texproj.color.patches.seams import PatchBlends
 from texproj.color.patches.views import FacePoints, FaceViews, face_views, survey_options
 from texproj.color.points.texels import TexelPoints
 from texproj.color.result import Texture
-from texproj.color.sampling.depth_images import Depths
-from texproj.color.sampling.gather import LoadPhoto, Progress, project_views, views_ahead
+from texproj.color.sampling.gather import Progress, counting, project_views
+from texproj.color.sampling.photo_set import PhotoSet, Unusable, reasons
 from texproj.color.sampling.store import Spill
 from texproj.color.texture import encoded
 from texproj.mesh import Mesh, face_areas
@@ -59,74 +59,75 @@ class PatchSettings:
 
 def color_patches(
     mesh: Mesh,
-    cameras: Sequence[Camera],
-    load_photo: LoadPhoto,
+    photos: PhotoSet,
     renderer: Renderer,
     settings: PatchSettings | None = None,
+    checker: Checker | None = None,
     progress: Progress | None = None,
 ) -> Texture:
     """Cut the surface into patches of one photo each and lay their pixels on pages.
 
-    cameras: of the full-size photos; load_photo: decodes the photo of a number in `cameras`, is
-    called twice per photo; progress: called with steps done and steps in all, two per photo.
+    photos: each is read twice; checker: what a color chart says, for absolute colors; progress:
+    called with steps done and steps in all, two per photo.
     """
     settings = settings or PatchSettings()
-    survey, patch = survey_options(settings.color), settings.patch
-    steps = _Steps(len(cameras), progress)
+    options, patch, steps = settings.color, settings.patch, 2 * len(photos)
     return_freed_memory()
     with opencv_in_one_thread(), closing(Scratch()) as scratch:
         with renderer.load(mesh) as scene:
-            depths = Depths.of(cameras, scene, survey, scratch)
-        shots = Shots(cameras, load_photo, depths, replace(settings.color, blend="robust"))
-        views, light, absolute, checker = _surveyed(mesh, shots, settings, scratch, steps)
+            photos = photos.rendered(scene, scratch)
+        seen = _evidence(mesh, photos, settings, scratch, counting(progress, steps))
+        absolute, charted = absolute_matrix(checker, photos.names, seen.survey, seen.light)
         trim()
-        graph = dual_graph(mesh)
+        views, graph = seen.views, dual_graph(mesh)
         labels = _labels(mesh, views, graph, patch)
         blends = PatchBlends(mesh, labels, views, patch)
-        atlas = patch_atlas(mesh, graph, cameras, labels, views.density, settings.unwrap)
+        atlas = patch_atlas(mesh, graph, photos.cameras, labels, views.density, settings.unwrap)
         texels = TexelPoints.of(mesh, atlas, scratch, continued(mesh, atlas, graph))
-        pixels = cut(texels, atlas, blends, light, shots, steps.second)
-        del views, blends, shots, graph  # before the pages are made
+        light, failed = seen.light, seen.failed
+        del views, seen, graph  # before the pixels are cut
+        robust, tell = replace(options, blend="robust"), counting(progress, steps, len(photos))
+        pixels = cut(texels, atlas, blends, light, photos, robust, tell)
+        del blends  # before the pages are made
         trim()
-        pages, counts = _bake(texels, atlas, pixels, absolute, settings.color)
+        pages, counts = _bake(texels, atlas, pixels.samples, absolute, options)
         fill_unseen(mesh, atlas, texels, pages, counts)
         for number, page in enumerate(pages):
             fill_page(page, texels.inside(number, page.shape))
-    quality = quality_of(mesh, atlas, labels, light.gains) | checker
-    return Texture(atlas, tuple(pages), tuple(counts), quality)
+    why = reasons(failed, pixels.failed)
+    quality = quality_of(mesh, atlas, labels) | charted
+    quality |= {"photos": per_patched_photo(mesh, labels, photos.names, light.gains, why)}
+    return Texture(atlas, tuple(pages), tuple(counts), quality, why)
 
 
-def _surveyed(
-    mesh: Mesh, shots: Shots, settings: PatchSettings, scratch: Scratch, steps: _Steps
-) -> tuple[FaceViews, Photometry, Floats | None, dict[str, Any]]:
-    """What the photos show of each face; their light; the matrix to absolute color, if any, and
-    what to report of it.
+@dataclass(frozen=True, eq=False)
+class _Evidence:
+    """What the photos show of each face, what all show of the same points, their light, and the
+    photos that could not be used.
     """
-    survey, points = survey_options(settings.color), FacePoints.of(mesh, len(shots.cameras))
-    shown = views_ahead(shots.cameras, shots.load_photo, shots.depths, survey)
-    count = len(shots.cameras)
-    surveyor = Surveyor(points, count, survey.focus_power > 0)
-    spill = project_views(points, shown, surveyor, count, survey, scratch, steps.first)
-    evidence = surveyor.survey()
-    light = solve_photometry(evidence, settings.color)
-    absolute, checker = absolute_matrix(settings.color, evidence, light)
-    views = face_views(points, shots.cameras, spill, light, settings.color, settings.patch)
-    return views, light, absolute, checker
+
+    views: FaceViews
+    survey: Survey
+    light: Photometry
+    failed: tuple[Unusable, ...]
 
 
-@dataclass(frozen=True)
-class _Steps:
-    """Progress over two rounds of all photos."""
-
-    photos: int
-    progress: Progress | None
-
-    def first(self, done: int, _: int) -> None:
-        if self.progress:
-            self.progress(done, 2 * self.photos)
-
-    def second(self, done: int) -> None:
-        self.first(self.photos + done, 0)
+def _evidence(
+    mesh: Mesh,
+    photos: PhotoSet,
+    settings: PatchSettings,
+    scratch: Scratch,
+    progress: Callable[[int], None],
+) -> _Evidence:
+    options, points = survey_options(settings.color), FacePoints.of(mesh, len(photos))
+    surveyor = Surveyor(points, len(photos), options.focus_power > 0)
+    shown = photos.views(options)
+    projected = project_views(points, shown, surveyor, options, scratch, progress)
+    survey = surveyor.survey()
+    light = solve_photometry(survey, settings.color)
+    cameras, samples = photos.cameras, projected.samples
+    views = face_views(points, cameras, samples, light, settings.color, settings.patch)
+    return _Evidence(views, survey, light, projected.failed)
 
 
 def _labels(mesh: Mesh, views: FaceViews, graph: DualGraph, patch: PatchOptions) -> Labels:
@@ -167,21 +168,36 @@ def _bake(
     return pages, counts
 
 
-def quality_of(mesh: Mesh, atlas: Atlas, labels: Labels, gains: Gains) -> dict[str, Any]:
+def quality_of(mesh: Mesh, atlas: Atlas, labels: Labels) -> dict[str, Any]:
     """Numbers for the report."""
     area = face_areas(mesh)
-    total = max(float(area.sum()), 1e-300)
     return {
-        "seen": float(area[labels >= 0].sum()) / total,
+        "seen": float(area[labels >= 0].sum()) / max(float(area.sum()), 1e-300),
         "patches": len(np.unique(atlas.chart_of_face[labels >= 0])),
         "cut_for_overlap": atlas.stats.overlap_splits,
         "scale": round(atlas.stats.scale, 4),
-        "photos": [
-            {
-                "gain": [round(float(g), 4) for g in factor],
-                "spread": round(float(spread), 4),
-                "share": round(float(area[labels == number].sum()) / total, 4),
-            }
-            for number, (factor, spread) in enumerate(zip(gains.factor, gains.spread, strict=True))
-        ],
     }
+
+
+def per_patched_photo(
+    mesh: Mesh, labels: Labels, names: Sequence[str], gains: Gains, failed: Mapping[str, str]
+) -> list[dict[str, Any]]:
+    """One entry per photo that was used.
+
+    file: its name; gain: factor on each channel of linear light; spread: median absolute log
+    difference to the other photos after correction; share: part of the surface that it colors.
+    """
+    area = face_areas(mesh)
+    total = max(float(area.sum()), 1e-300)
+    return [
+        {
+            "file": name,
+            "gain": [round(float(g), 4) for g in factor],
+            "spread": round(float(spread), 4),
+            "share": round(float(area[labels == number].sum()) / total, 4),
+        }
+        for number, (name, factor, spread) in enumerate(
+            zip(names, gains.factor, gains.spread, strict=True)
+        )
+        if name not in failed
+    ]

@@ -15,7 +15,7 @@ from texproj.color.balance.photometry import Photometry
 from texproj.color.points.source import CHUNK, Chunk, Owners
 from texproj.color.sampling.store import Spill, Stack
 from texproj.color.weights.surface import facing, resolution
-from texproj.mesh import Mesh, face_areas, face_normals
+from texproj.mesh import Mesh, face_areas
 from texproj.options import ColorOptions, PatchOptions
 from texproj.resources.threads import in_parallel
 
@@ -64,9 +64,7 @@ class FacePoints:
     def of(cls, mesh: Mesh, photos: int) -> FacePoints:
         """All faces of the mesh; the more photos there are, the fewer in a chunk."""
         corners = (mesh.vertices - mesh.center)[mesh.faces].astype(np.float32)
-        spacing = np.sqrt(face_areas(mesh) / SAMPLES).astype(np.float32)
-        normals = face_normals(mesh).astype(np.float32)
-        owners = Owners(mesh.center, corners.mean(axis=1), normals, spacing)
+        owners = Owners.of_faces(mesh, np.sqrt(face_areas(mesh) / SAMPLES))
         return cls(owners, corners, max(CHUNK // SAMPLES * FEW // max(photos, FEW), FEWEST_FACES))
 
     @property

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from texproj.arrays import Floats
 from texproj.camera import Camera
 from texproj.color.points.source import Chunk, Owners
-from texproj.mesh import Mesh, face_normals
+from texproj.mesh import Mesh
 from texproj.render import Scene
 
 
@@ -34,12 +34,8 @@ class PixelPoints:
         """What the cameras see. spacing: (F,) edge of the square that a colored point stands for,
         mesh units.
         """
-        corners = (mesh.vertices - mesh.center)[mesh.faces]
-        normals = face_normals(mesh).astype(np.float32)
-        middle = corners.mean(axis=1).astype(np.float32)
-        owners = Owners(mesh.center, middle, normals, spacing.astype(np.float32))
         chunks, masks = zip(*(_shown(camera, scene, mesh) for camera in cameras), strict=True)
-        return cls(owners, chunks, masks)
+        return cls(Owners.of_faces(mesh, spacing), chunks, masks)
 
     @property
     def sizes(self) -> list[int]:
@@ -57,11 +53,7 @@ class PixelPoints:
 
 def _shown(camera: Camera, scene: Scene, mesh: Mesh) -> tuple[Chunk, NDArray[np.bool_]]:
     seen = scene.gbuffer(camera, ("depth", "face"))
-    assert seen.depth is not None
-    assert seen.face is not None
-    mask = seen.face >= 0
-    row, column = np.nonzero(mask)
-    origin, ray = camera.rays(np.stack([column + 0.5, row + 0.5], axis=1))
-    along = (ray * camera.pose.R[2]).sum(axis=1)
-    xyz = origin + ray * (seen.depth[mask] / along)[:, None]
-    return Chunk((xyz - mesh.center).astype(np.float32), seen.face[mask]), mask
+    face = seen.require("face")
+    mask = face >= 0
+    xyz = seen.points(camera, *np.nonzero(mask))
+    return Chunk((xyz - mesh.center).astype(np.float32), face[mask]), mask

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from texproj.arrays import Floats
-from texproj.mesh import Mesh, face_areas, vertex_normals
+from texproj.mesh import Mesh, face_areas, face_normals, vertex_normals
 
 CHUNK = 1 << 16
 """Points that are worked on at once: a few arrays of this length stay in the processor's cache,
@@ -29,6 +29,15 @@ class Owners:
     center: Floats
     normal: Floats
     spacing: Floats
+
+    @classmethod
+    def of_faces(
+        cls, mesh: Mesh, spacing: NDArray[Any], normal: NDArray[Any] | None = None
+    ) -> Owners:
+        """The faces of a mesh, in its order. normal: (F, 3) unit, by default the faces' own."""
+        middle = (mesh.vertices - mesh.center)[mesh.faces].mean(axis=1)
+        normal = face_normals(mesh) if normal is None else normal
+        return cls(mesh.center, *(x.astype(np.float32) for x in (middle, normal, spacing)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -62,12 +62,7 @@ class TexelPoints:
         normal = vertex_normals(mesh)[mesh.faces].sum(axis=1)
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
         uv = atlas.uv_px[atlas.faces]
-        owners = Owners(
-            mesh.center,
-            corners.mean(axis=1).astype(np.float32),
-            normal.astype(np.float32),
-            _texel_edge(mesh, uv),
-        )
+        owners = Owners.of_faces(mesh, _texel_edge(mesh, uv), normal)
         frames = surface_frames(corners, uv)
         tiles = []
         for page in range(len(atlas.page_sizes)):

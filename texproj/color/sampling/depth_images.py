@@ -10,7 +10,6 @@ import numpy as np
 from texproj.arrays import Floats
 from texproj.camera import Camera
 from texproj.color.sampling.prepare import depth_seen
-from texproj.options import ColorOptions
 from texproj.render import Scene
 from texproj.resources.scratch import Scratch
 
@@ -23,16 +22,14 @@ class _Stored:
 
 
 @dataclass(frozen=True, eq=False)
-class Depths:
+class DepthImages:
     """What each camera sees, so that the renderer is needed no longer."""
 
     stored: tuple[_Stored, ...]
     scratch: Scratch
 
     @classmethod
-    def of(
-        cls, cameras: Sequence[Camera], scene: Scene, options: ColorOptions, scratch: Scratch
-    ) -> Depths:
+    def of(cls, cameras: Sequence[Camera], scene: Scene, scratch: Scratch) -> DepthImages:
         """Render all cameras' depth, reduced by `DEPTH_SCALE`, into `scratch`."""
         stored = []
         for camera in cameras:

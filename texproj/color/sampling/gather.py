@@ -1,29 +1,24 @@
-"""Every photo onto every point that it sees."""
+"""Projection of every photo onto every point that it sees."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Protocol
 
-from texproj.camera import Camera
 from texproj.color.points.source import PointSource
-from texproj.color.sampling.depth_images import Depths
-from texproj.color.sampling.prepare import photo_view, view_of
+from texproj.color.sampling.photo_set import Unusable
 from texproj.color.sampling.sample import sample
 from texproj.color.sampling.store import Spill
 from texproj.color.sampling.view import PhotoView
 from texproj.color.weights.surface import Sight, sight_of
 from texproj.options import ColorOptions
-from texproj.photo import Photo
-from texproj.render import Scene
 from texproj.resources.scratch import Scratch
-from texproj.resources.threads import ahead, in_parallel
+from texproj.resources.threads import in_parallel
 
-__all__ = ["LoadPhoto", "Progress", "add_photo", "project_views", "views_ahead", "views_in_turn"]
-
-LoadPhoto = Callable[[int], Photo | None]
 Progress = Callable[[int, int], None]
+"""``progress(done, total)``."""
 
 
 class Observer(Protocol):
@@ -33,50 +28,35 @@ class Observer(Protocol):
         """Note what the photo of that number shows."""
 
 
-def views_in_turn(
-    cameras: Sequence[Camera], load_photo: LoadPhoto, scene: Scene, options: ColorOptions
-) -> Iterator[PhotoView | None]:
-    """The view of each photo, which is loaded while the one before is worked on; None where a
-    photo loads as None.
-    """
-    return (
-        photo_view(photo, camera, scene, options) if photo is not None else None
-        for photo, camera in zip(ahead(load_photo, len(cameras)), cameras, strict=True)
-    )
+@dataclass(frozen=True, eq=False)
+class Projection:
+    """The samples of all photos that could be used, and the photos that could not."""
 
-
-def views_ahead(
-    cameras: Sequence[Camera], load_photo: LoadPhoto, depths: Depths, options: ColorOptions
-) -> Iterator[PhotoView | None]:
-    """The view of each photo, one of them ahead of time; None where a photo loads as None."""
-
-    def make(number: int) -> PhotoView | None:
-        photo = load_photo(number)
-        if photo is None:
-            return None
-        return view_of(photo, cameras[number], *depths.read(number), options)
-
-    return ahead(make, len(cameras))
+    samples: Spill
+    failed: tuple[Unusable, ...]
 
 
 def project_views(
     points: PointSource,
-    views: Iterable[PhotoView | None],
+    views: Iterable[PhotoView | Unusable],
     observer: Observer,
-    count: int,
     options: ColorOptions,
     scratch: Scratch,
-    progress: Progress | None = None,
-) -> Spill:
-    """The samples of prepared views, `count` in all, each of which `observer` sees too."""
-    spill = Spill(points.sizes, scratch)
+    progress: Callable[[int], None] = lambda _: None,
+) -> Projection:
+    """The samples of prepared views, each of which `observer` sees too.
+
+    progress: called with the number of views that are done.
+    """
+    spill, failed = Spill(points.sizes, scratch), []
     for number, view in enumerate(views):
-        if view is not None:
+        if isinstance(view, Unusable):
+            failed.append(view)
+        else:
             add_photo(spill, observer, number, points, view, options)
         del view  # before the next one is made
-        if progress:
-            progress(number + 1, count)
-    return spill
+        progress(number + 1)
+    return Projection(spill, tuple(failed))
 
 
 def add_photo(
@@ -99,3 +79,13 @@ def add_photo(
         observed = beside.submit(observer.add, number, sight, view)
         in_parallel(one, range(len(points.sizes)))
         observed.result()
+
+
+def counting(progress: Progress | None, total: int, before: int = 0) -> Callable[[int], None]:
+    """Progress over a round of photos, of which `before` steps were done, `total` in all."""
+
+    def tell(done: int) -> None:
+        if progress:
+            progress(before + done, total)
+
+    return tell

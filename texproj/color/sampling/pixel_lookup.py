@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from texproj.arrays import Floats
 from texproj.camera import Camera
 from texproj.color.sampling.view import LENS_CELL, PhotoView, linear16
+from texproj.opencv import FAR_OUTSIDE
 
 Colors = NDArray[np.uint16]
 
@@ -31,7 +32,7 @@ def depth_pixels(xyz: Floats, origin: NDArray[np.float64], camera: Camera) -> tu
     matrix = np.concatenate([K @ R, (K @ t)[:, None]], axis=1).astype(np.float32)
     homogeneous = cv2.transform(xyz.reshape(-1, 1, 3), matrix).reshape(-1, 3)
     depth = homogeneous[:, 2]
-    maps = np.full((-(-len(xyz) // ROW) * ROW, 2), -1e6, np.float32)
+    maps = np.full((-(-len(xyz) // ROW) * ROW, 2), FAR_OUTSIDE, np.float32)
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = 1 / depth
         np.multiply(homogeneous[:, 0], inverse, out=maps[: len(xyz), 0])
@@ -66,7 +67,7 @@ def affine(maps: Floats, scale: tuple[float, float], offset: tuple[float, float]
 
 def taken(maps: Floats, rows: NDArray[np.intp]) -> Floats:
     """Some of the positions, in rows of `ROW` again."""
-    out = np.full((-(-len(rows) // ROW) * ROW, 2), -1e6, np.float32)
+    out = np.full((-(-len(rows) // ROW) * ROW, 2), FAR_OUTSIDE, np.float32)
     out.view(np.uint64)[: len(rows), 0] = maps.view(np.uint64).reshape(-1).take(rows)
     return out.reshape(-1, ROW, 2)
 

@@ -79,9 +79,7 @@ def in_depth_pixels(image: Floats, view: PhotoView) -> Floats:
 def depth_seen(camera: Camera, scene: Scene) -> tuple[Camera, Floats]:
     """A pinhole camera that covers the picture, reduced by `DEPTH_SCALE`, and its depth image."""
     depth_camera = pinhole_cover(camera.scaled(DEPTH_SCALE))
-    depth = scene.gbuffer(depth_camera, ("depth",)).depth
-    assert depth is not None
-    return depth_camera, depth
+    return depth_camera, scene.gbuffer(depth_camera, ("depth",)).require("depth")
 
 
 def image_pyramid(photo: Photo, smallest: int = 32) -> tuple[NDArray[Any], ...]:

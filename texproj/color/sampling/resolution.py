@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.camera import Camera
 from texproj.color.points.source import Chunk, Owners
-from texproj.color.sampling.depth_images import Depths
+from texproj.color.sampling.photo_set import PhotoSet
 from texproj.color.sampling.sample import project
 from texproj.color.sampling.view import PhotoView
 from texproj.color.weights.surface import facing, resolution, sight_of
-from texproj.mesh import Mesh, face_areas, face_normals
+from texproj.mesh import Mesh, face_areas
 from texproj.options import ColorOptions
 from texproj.resources.threads import in_parallel
 from texproj.unwrap.stretch import weighted_quantiles
@@ -27,18 +25,17 @@ CLOSEST = 0.98
 of a camera do not decide the size of the texture."""
 
 
-def texels_per_unit(
-    mesh: Mesh, cameras: Sequence[Camera], depths: Depths, options: ColorOptions
-) -> NDArray[np.float64]:
+def texels_per_unit(mesh: Mesh, photos: PhotoSet, options: ColorOptions) -> NDArray[np.float64]:
     """(F,) texels per mesh unit: pixels of the photo that resolves the face best, times
     `options.texels_per_pixel`.
     """
-    faces, lock = _faces(mesh), Lock()
+    spacing = np.ones(len(mesh.faces))  # so that `resolution` is pixels per unit
+    faces, lock = Owners.of_faces(mesh, spacing), Lock()
     best = np.zeros(len(mesh.faces))
 
     def one(number: int) -> None:
-        camera = cameras[number]
-        depth_camera, depth = depths.read(number)
+        camera = photos.cameras[number]
+        depth_camera, depth = photos.depth_image(number)
         view = PhotoView(camera, depth_camera, depth)
         sight = sight_of(faces, camera, depth_camera, 1, options)
         pixels = resolution(faces, camera) * np.sqrt(np.maximum(facing(faces, camera), 0))
@@ -50,7 +47,7 @@ def texels_per_unit(
         with lock:
             best[better] = np.maximum(best[better], np.where(weight > 0, pixels[better], 0))
 
-    in_parallel(one, range(len(cameras)))
+    in_parallel(one, range(len(photos)))
     seen = best > 0
     if not seen.any():
         return np.ones(len(best))
@@ -59,14 +56,3 @@ def texels_per_unit(
     best = np.minimum(best, closest)
     best[~seen] = UNSEEN * middle
     return best * options.texels_per_pixel
-
-
-def _faces(mesh: Mesh) -> Owners:
-    """The faces, with spacing 1, so that `resolution` is pixels per unit."""
-    corners = (mesh.vertices - mesh.center)[mesh.faces]
-    return Owners(
-        mesh.center,
-        corners.mean(axis=1).astype(np.float32),
-        face_normals(mesh).astype(np.float32),
-        np.ones(len(corners), np.float32),
-    )

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.errors import OutputError
+from texproj.formats.jpeg import jpeg_bytes
 
 Bytes = bytes | bytearray | memoryview
 
@@ -120,14 +121,7 @@ def _png_chunk(name: bytes, body: bytes) -> bytes:
 
 
 def _jpeg(pixels: NDArray[Any], quality: int) -> Iterable[Bytes]:
-    sampling = cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444
-    rgb = to_8_bit(pixels[..., :3])
-    done, encoded = cv2.imencode(
-        ".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), (cv2.IMWRITE_JPEG_QUALITY, quality, *sampling)
-    )
-    if not done:
-        raise OutputError(f"a page of {rgb.shape[1]} x {rgb.shape[0]} texels is no jpeg")
-    data = encoded.tobytes()
+    data = jpeg_bytes(to_8_bit(pixels[..., :3]), quality)
     body = b"ICC_PROFILE\0\1\1" + srgb_profile()
     segment = b"\xff\xe2" + (len(body) + 2).to_bytes(2, "big") + body
     at = 2  # after the start marker, and after JFIF's segment that must come first

@@ -9,6 +9,7 @@ import numpy as np
 
 from texproj.arrays import Doubles, Floats
 from texproj.camera import Camera, Intrinsics
+from texproj.opencv import opencv_places
 from texproj.options import MutualInformationOptions
 from texproj.photo import Photo
 from texproj.register.information.samples import (
@@ -18,7 +19,7 @@ from texproj.register.information.samples import (
     outline_samples,
     surface_samples,
 )
-from texproj.register.structure.view import Render
+from texproj.render import Render
 from texproj.render.gbuffer import GBuffer
 from texproj.solve.mutual_information import (
     Binned,
@@ -58,8 +59,7 @@ class PhotoLevel:
     @classmethod
     def of(cls, photo: Photo, camera: Camera, longest_px: float, gradients: bool) -> PhotoLevel:
         """camera: of the photo, any size; longest_px: of the reduced photo."""
-        factor = min(1.0, longest_px / max(photo.width, photo.height))
-        photo = photo.resized(round(photo.width * factor), round(photo.height * factor))
+        photo = photo.reduced(longest_px)
         gray = cv2.GaussianBlur(photo.gray(), (0, 0), BLUR_PX)
         edges = gradient_strength(gray)
         gray = edges if gradients else gray
@@ -74,8 +74,8 @@ class PhotoLevel:
 
     def sampled(self, xy_px: Doubles) -> Floats:
         """(n, 3) channels at pixels of this picture."""
-        place = np.nan_to_num(xy_px - 0.5, nan=-9.0).astype(np.float32).reshape(-1, 1, 2)
-        return cv2.remap(self.channels, place, None, cv2.INTER_LINEAR).reshape(-1, 3)
+        places = opencv_places(xy_px).reshape(-1, 1, 2)
+        return cv2.remap(self.channels, places, None, cv2.INTER_LINEAR).reshape(-1, 3)
 
 
 def _widened(lens: Intrinsics) -> Intrinsics:
@@ -92,8 +92,8 @@ def _undistorted(picture: Floats, lens: Intrinsics, wide: Intrinsics) -> Floats:
         return picture
     x, y = np.meshgrid(np.arange(wide.width) + 0.5, np.arange(wide.height) + 0.5)
     ideal = np.stack([(x - wide.cx) / wide.fx, (y - wide.cy) / wide.fy], axis=2)
-    place = lens.distort(ideal.reshape(-1, 2)) * (lens.fx, lens.fy) + (lens.cx, lens.cy) - 0.5
-    places = np.nan_to_num(place, nan=-9.0).astype(np.float32).reshape(wide.height, wide.width, 2)
+    xy_px = lens.distort(ideal.reshape(-1, 2)) * (lens.fx, lens.fy) + (lens.cx, lens.cy)
+    places = opencv_places(xy_px).reshape(wide.height, wide.width, 2)
     return cv2.remap(picture, places, None, cv2.INTER_LINEAR)
 
 

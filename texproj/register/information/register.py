@@ -33,10 +33,10 @@ from texproj.register.information.search import (
     objective,
     settled,
 )
+from texproj.register.motion import motion_px
 from texproj.register.structure.mirror import mirrored_camera
-from texproj.register.structure.starts import motion_px
 from texproj.register.structure.verdict import Verdict, verify
-from texproj.register.structure.view import Render
+from texproj.render import Render
 from texproj.solve.pose_search import CameraSteps, curvature
 from texproj.solve.reprojection import projection_jacobian
 
@@ -130,12 +130,10 @@ def _mirror_images(task: Task, camera: Camera) -> list[Camera]:
     """
     here = camera.scaled(0.25)
     images = task.render(here)
-    assert images.depth is not None and images.normal_in_cam is not None
-    solid = np.isfinite(images.depth)
-    y, x = np.nonzero(solid)
-    xyz = here.unproject(np.stack([x, y], axis=1) + 0.5, images.depth[solid])
+    solid = np.isfinite(images.require("depth"))
+    xyz = images.points(here, *np.nonzero(solid))
     middle = np.median(camera.pose.apply(xyz), axis=0)
-    normal = images.normal_in_cam[solid].astype(np.float64)
+    normal = images.require("normal")[solid].astype(np.float64)
     front = np.linalg.eigh(normal.T @ normal)[1][:, -1]
     front *= np.sign(front @ normal.mean(axis=0)) or 1.0
     turns = [cv2.Rodrigues(np.array([0.0, np.radians(deg), 0.0]))[0] for deg in MIRROR_TURNS_DEG]

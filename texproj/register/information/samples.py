@@ -43,8 +43,7 @@ class Samples:
 
 def foreground(images: GBuffer) -> Mask:
     """(h, w) where the mesh's outside is seen."""
-    assert images.depth is not None
-    solid = np.isfinite(images.depth)
+    solid = np.isfinite(images.require("depth"))
     return solid if images.front is None else solid & images.front
 
 
@@ -58,8 +57,7 @@ def surface_samples(
     solid = foreground(images)
     inner = cv2.erode(solid.astype(np.uint8), np.ones((2 * RIM_PX + 1,) * 2, np.uint8)) > 0
     y, x = _thinned(inner, most)
-    assert images.depth is not None
-    xyz = camera.unproject(np.stack([x, y], axis=1) + 0.5, images.depth[y, x])
+    xyz = images.points(camera, y, x)
     pictures = map_images(images, camera, maps)
     if gradients:
         pictures = [gradient_strength(p, inner) for p in pictures]
@@ -74,7 +72,6 @@ def outline_samples(images: GBuffer, camera: Camera, most: int, distances: bool)
     moves with the outline.
     """
     solid = foreground(images)
-    assert images.depth is not None
     if not solid.any() or solid.all():
         return Samples(np.zeros((0, 3)), (np.zeros(0, np.float32),))
     reach = NARROW_PX if distances else WIDE * max(camera.width, camera.height)
@@ -84,7 +81,7 @@ def outline_samples(images: GBuffer, camera: Camera, most: int, distances: bool)
     inside = cv2.distanceTransform(solid.astype(np.uint8), cv2.DIST_L2, 5)
     y, x = _thinned((outside < reach) & (inside < reach), most)
     depth_of_label = np.zeros(int(nearest.max()) + 1)
-    depth_of_label[nearest[solid]] = images.depth[solid]
+    depth_of_label[nearest[solid]] = images.require("depth")[solid]
     xyz = camera.unproject(np.stack([x, y], axis=1) + 0.5, depth_of_label[nearest[y, x]])
     if not distances:
         return Samples(xyz, (solid[y, x].astype(np.float32),))
@@ -118,16 +115,15 @@ def map_images(images: GBuffer, camera: Camera, maps: Sequence[MapName]) -> list
 
 
 def _components(images: GBuffer, camera: Camera, name: MapName) -> list[Floats]:
-    normal, ao = images.normal_in_cam, images.ao
-    assert normal is not None
+    if name == "ao":
+        return [images.require("ao")]
+    normal = images.require("normal")
     if name in ("normal-x", "normal-y", "normal-z"):
         return [normal[..., "xyz".index(name[-1])] * np.float32(0.5) + np.float32(0.5)]
-    assert ao is not None
-    if name == "ao":
-        return [ao]
     directed = _reflected(images, camera) if name.startswith("reflection") else normal
     pictures = [directed[..., k] * np.float32(0.5) + np.float32(0.5) for k in range(3)]
     if name in ("combined", "reflection-combined"):
+        ao = images.require("ao")
         open_share = ao * ao
         pictures = [(1 - open_share) * ao + open_share * p for p in pictures]
     return pictures
@@ -135,8 +131,7 @@ def _components(images: GBuffer, camera: Camera, name: MapName) -> list[Floats]:
 
 def _reflected(images: GBuffer, camera: Camera) -> Floats:
     """(h, w, 3) the view direction mirrored at the surface, unit vectors in camera axes."""
-    assert images.normal_in_cam is not None
-    normal, k = images.normal_in_cam, camera.intrinsics
+    normal, k = images.require("normal"), camera.intrinsics
     x, y = np.meshgrid(np.arange(k.width) + 0.5, np.arange(k.height) + 0.5)
     view = np.stack([(x - k.cx) / k.fx, (y - k.cy) / k.fy, np.ones_like(x)], axis=2)
     view = (view / np.linalg.norm(view, axis=2, keepdims=True)).astype(np.float32)

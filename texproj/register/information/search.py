@@ -14,8 +14,8 @@ from texproj.camera import Camera
 from texproj.options import MutualInformationOptions
 from texproj.photo import Correspondences, Photo
 from texproj.register.information.comparison import Comparison, PhotoLevel
-from texproj.register.structure.starts import motion_px
-from texproj.register.structure.view import Render
+from texproj.register.motion import motion_px
+from texproj.render import Render
 from texproj.solve.lm import FAR, Loss
 from texproj.solve.pose_search import CameraSteps, Found, maximize
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from texproj.arrays import Doubles
 from texproj.camera import Camera
-from texproj.register.structure.view import Render
+from texproj.render import GBuffer, Render
 
 SIGHT_PX = 256
 """Longer side of the depth images that decide what a photo sees."""
@@ -39,11 +39,12 @@ def shared_views(cameras: Sequence[Camera], render: Render) -> tuple[Doubles, Do
     """((n, n) share of what photo i sees that photo j sees too, (n, n) mean angle in degrees
     between their lines of sight there).
     """
-    small = [_small(camera) for camera in cameras]
-    depths = [_depth(camera, render) for camera in small]
+    small = [camera.reduced(SIGHT_PX) for camera in cameras]
+    views = [render(camera) for camera in small]
+    depths = [view.require("depth") for view in views]
     share, angle_deg = np.zeros((len(small),) * 2), np.full((len(small),) * 2, 180.0)
     for i, camera in enumerate(small):
-        xyz = _surface_samples(camera, depths[i])
+        xyz = _surface_samples(camera, views[i])
         for j, other in enumerate(small):
             if i == j or not len(xyz):
                 continue
@@ -72,21 +73,10 @@ def choose_partners(share: Doubles, angle_deg: Doubles, count: int) -> list[tupl
     return pairs
 
 
-def _small(camera: Camera) -> Camera:
-    return camera.scaled(min(1.0, SIGHT_PX / max(camera.width, camera.height)))
-
-
-def _depth(camera: Camera, render: Render) -> NDArray[np.float32]:
-    depth = render(camera).depth
-    assert depth is not None
-    return depth
-
-
-def _surface_samples(camera: Camera, depth: NDArray[np.float32]) -> Doubles:
-    row, column = np.nonzero(np.isfinite(depth))
+def _surface_samples(camera: Camera, images: GBuffer) -> Doubles:
+    row, column = np.nonzero(np.isfinite(images.require("depth")))
     keep = np.linspace(0, len(row) - 1, min(SAMPLES_PER_PHOTO, len(row))).astype(int)
-    row, column = row[keep], column[keep]
-    return camera.unproject(np.stack([column, row], axis=1) + 0.5, depth[row, column])
+    return images.points(camera, row[keep], column[keep])
 
 
 def _mean_angle_deg(xyz: Doubles, center: Doubles, other: Doubles) -> float:

@@ -28,7 +28,7 @@ from texproj.register.joint.session import (
     anchor_points,
 )
 from texproj.register.joint.ties import TieSearch, find_ties
-from texproj.register.structure.view import Render
+from texproj.render import Render
 from texproj.solve.joint import Anchors, JointPoses, Lenses, Ties
 from texproj.solve.lm import LmFit, LmOptions, Loss, minimize
 from texproj.solve.reprojection import Reprojection, projection_jacobian

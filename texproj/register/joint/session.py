@@ -12,7 +12,7 @@ from texproj.arrays import Doubles
 from texproj.camera import Camera
 from texproj.photo import Photo
 from texproj.register.joint.ties import PhotoView, photo_view
-from texproj.register.structure.view import Render
+from texproj.render import Render
 
 Cameras = tuple[Camera, ...]
 LoadPhoto = Callable[[int, int], Photo]
@@ -70,11 +70,9 @@ def anchor_points(cameras: Sequence[Camera], render: Render) -> list[Doubles]:
 
 
 def _spread_points(camera: Camera, render: Render) -> Doubles:
-    depth = render(camera).depth
-    assert depth is not None
-    row, column = np.nonzero(np.isfinite(depth))
+    images = render(camera)
+    row, column = np.nonzero(np.isfinite(images.require("depth")))
     if not len(row):
         return np.zeros((0, 3))
     order = np.random.default_rng(0).permutation(len(row))[:ANCHOR_POINTS]
-    row, column = row[order], column[order]
-    return camera.unproject(np.stack([column, row], axis=1) + 0.5, depth[row, column])
+    return images.points(camera, row[order], column[order])

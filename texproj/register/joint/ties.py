@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from texproj.arrays import Doubles, Floats, Index
 from texproj.camera import Camera, Intrinsics
+from texproj.opencv import FAR_OUTSIDE
 from texproj.render import GBuffer, ideal_grid
 from texproj.solve.joint import Ties
 from texproj.solve.matching import match_patches
@@ -52,8 +53,7 @@ class PhotoView:
     @cached_property
     def xyz_in_cam(self) -> NDArray[np.float32]:
         """(h, w, 3) the surface under each pixel, in camera axes; NaN where there is none."""
-        assert self.images.depth is not None
-        depth = np.where(self.valid, self.images.depth, np.nan)[..., None]
+        depth = np.where(self.valid, self.images.require("depth"), np.nan)[..., None]
         ideal = ideal_grid(self.camera.intrinsics)
         return np.concatenate([ideal * depth, depth], axis=2).astype(np.float32)
 
@@ -81,8 +81,7 @@ def photo_view(
     camera: Camera, gray: Floats, images: GBuffer, mask: NDArray[np.uint8] | None
 ) -> PhotoView:
     """Bring a photo and its rendering together; mask: 0 = do not use."""
-    assert images.depth is not None
-    valid = np.isfinite(images.depth)
+    valid = np.isfinite(images.require("depth"))
     if mask is not None:
         valid &= mask > 0
     return PhotoView(camera, gray, images, valid)
@@ -129,14 +128,13 @@ def corner_grid(corners: Floats, valid: NDArray[np.bool_]) -> Index:
 
 def warped(here: PhotoView, other: PhotoView) -> tuple[Floats, NDArray[np.bool_]]:
     """(h, w) luma of `other` in the picture of `here`, and where both see the same surface."""
-    assert other.images.depth is not None
     other_from_here = other.camera.pose @ here.camera.pose.inverse
     matrix = np.concatenate([other_from_here.R, other_from_here.t[:, None]], axis=1)
     xyz = cv2.transform(here.xyz_in_cam, matrix)
     depth = xyz[..., 2]
     at = _pixels(other.camera.intrinsics, xyz)
     outside = {"borderMode": cv2.BORDER_CONSTANT, "borderValue": 0}
-    there = cv2.remap(other.images.depth, at, None, cv2.INTER_NEAREST, **outside)
+    there = cv2.remap(other.images.require("depth"), at, None, cv2.INTER_NEAREST, **outside)
     usable = cv2.remap(other.valid.astype(np.uint8), at, None, cv2.INTER_NEAREST, **outside)
     with np.errstate(invalid="ignore"):
         shared = (usable > 0) & (np.abs(there - depth) < DEPTH_TOLERANCE * depth)
@@ -154,7 +152,7 @@ def _pixels(k: Intrinsics, xyz_in_cam: NDArray[np.float32]) -> NDArray[np.float3
         ideal = k.distort(ideal.reshape(-1, 2)).reshape(ideal.shape)
     at = ideal * np.array([k.fx, k.fy], np.float32) + np.array([k.cx, k.cy], np.float32) - 0.5
     seen = np.isfinite(at).all(axis=2, keepdims=True) & (xyz_in_cam[..., 2:] > 0)
-    return np.where(seen, at, -1e4).astype(np.float32)
+    return np.where(seen, at, FAR_OUTSIDE).astype(np.float32)
 
 
 def _ties(i: int, j: int, views: Lookup, at: tuple[Index, Index], found_px: Doubles) -> Ties:
@@ -162,10 +160,9 @@ def _ties(i: int, j: int, views: Lookup, at: tuple[Index, Index], found_px: Doub
     `found_px`. Surface that photo j sees at a grazing angle is left out.
     """
     here, other = views[i], views[j]
-    assert here.images.depth is not None and here.images.normal_in_cam is not None
     x, y = at
-    point = here.camera.unproject(np.stack([x, y], axis=1) + 0.5, here.images.depth[y, x])
-    normal = here.images.normal_in_cam[y, x].astype(np.float64) @ here.camera.pose.R
+    point = here.images.points(here.camera, y, x)
+    normal = here.images.require("normal")[y, x].astype(np.float64) @ here.camera.pose.R
     in_other = other.camera.pose.apply(point)
     ray = (point - other.camera.center) / np.linalg.norm(in_other, axis=1, keepdims=True)
     slant = np.abs((normal * ray).sum(1))

@@ -17,10 +17,10 @@ from texproj.photo import Photo
 from texproj.records import Fit
 from texproj.register.information.register import register_mutual_information
 from texproj.register.information.search import MIDDLE, Outcome, Task, ascend
+from texproj.register.motion import motion_px
 from texproj.register.outline.register import Hypothesis, hypotheses
 from texproj.register.structure.register import register_structure
-from texproj.register.structure.starts import motion_px
-from texproj.register.structure.view import Render
+from texproj.render import Render
 
 CLEAR = 1.08
 """The best view's information over the second's, above which it is the one."""
@@ -50,9 +50,9 @@ def register_from_outline(
 ) -> Fit:
     """The exact camera of a photo whose object has a known or findable outline.
 
-    As `register_silhouette`; then the views that share the outline are compared by what the mesh
-    tells about the photo inside of it, and the best is made exact by structure or, where that is
-    not sure, by mutual information. Refused if two different views do equally well.
+    The views that share the outline are compared by what the mesh tells about the photo inside of
+    it, and the best is made exact by structure or, where that is not sure, by mutual information.
+    Refused if two different views do equally well. Arguments and errors: as of `hypotheses`.
     """
     options = options or ChainOptions()
     found = hypotheses(photo, prior, render, mesh, options.silhouette, mask)

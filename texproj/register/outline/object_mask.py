@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from texproj.arrays import Floats, Mask
 from texproj.errors import RegistrationError
-from texproj.photo import Photo, srgb_from_linear
+from texproj.photo import Photo
 
 LONGEST = 384
 """Longer side, pixels, at which photos are segmented."""
@@ -34,7 +34,7 @@ def object_mask(photo: Photo, rough: Mask | None = None) -> Mask:
     """
     if photo.mask is not None and (photo.mask == 0).any():
         return photo.mask > 0
-    small = _reduced(photo)
+    small = photo.reduced(LONGEST).srgb8()
     found = uniform_background(small)
     if found is None and rough is not None:
         found = segmented_around(small, rough)
@@ -108,11 +108,3 @@ def _solid_part(mask: Mask) -> Mask:
         return clean > 0
     largest = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
     return labels == largest
-
-
-def _reduced(photo: Photo) -> NDArray[np.uint8]:
-    factor = min(1.0, LONGEST / max(photo.width, photo.height))
-    small = photo.resized(round(photo.width * factor), round(photo.height * factor))
-    if small.encoding == "srgb":
-        return np.asarray(small.pixels, np.uint8)
-    return (srgb_from_linear(small.pixels) * 255).astype(np.uint8)

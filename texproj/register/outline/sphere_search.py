@@ -9,7 +9,8 @@ import numpy as np
 from texproj.arrays import Doubles, Mask
 from texproj.camera import Camera, Intrinsics, Pose
 from texproj.mesh import Mesh, face_areas
-from texproj.register.structure.starts import motion_px, placed_pose
+from texproj.register.motion import motion_px
+from texproj.register.structure.starts import placed_pose
 from texproj.solve.placement import Placement
 from texproj.solve.silhouette import Signature, best_turns, sphere_directions, splatted
 

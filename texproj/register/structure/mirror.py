@@ -8,13 +8,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from texproj.arrays import Doubles
+from texproj.arrays import Doubles, Mask
 from texproj.camera import Camera, Intrinsics, Pose
 from texproj.register.structure.solve import Candidate, approach
 from texproj.register.structure.starts import placed_starts
 from texproj.register.structure.view import COARSE, StructureView
+from texproj.render import GBuffer
 from texproj.solve.placement import placements
 
 SCALES = (0.86, 1.0, 1.16)
@@ -32,11 +32,11 @@ def mirrored_candidate(
     `least_support` or more; None if there is none, as for most objects.
     """
     images, field, valid = view.rendering(camera, COARSE)
-    if not valid.any() or images.depth is None or images.normal_in_cam is None:
+    if not valid.any():
         return None
     own = placements(field, valid, view.fields[COARSE], (0.0,), (1.0,))[0].score
-    middle = _middle_in_cam(view.camera_at(camera, COARSE), images.depth, valid)
-    facing = images.normal_in_cam[valid].mean(axis=0).astype(np.float64)
+    middle = _middle_in_cam(view.camera_at(camera, COARSE), images, valid)
+    facing = images.require("normal")[valid].mean(axis=0).astype(np.float64)
     start = mirrored_camera(camera, middle, facing)
     mirrored = view.mirrored
     for placed in placed_starts(mirrored, start, (0.0,), SCALES, STARTS):
@@ -48,9 +48,8 @@ def mirrored_candidate(
     return None
 
 
-def _middle_in_cam(camera: Camera, depth: NDArray[np.float32], valid: NDArray[np.bool_]) -> Doubles:
-    y, x = np.nonzero(valid)
-    xyz = camera.unproject(np.stack([x, y], axis=1) + 0.5, depth[valid])
+def _middle_in_cam(camera: Camera, images: GBuffer, valid: Mask) -> Doubles:
+    xyz = images.points(camera, *np.nonzero(valid))
     return np.median(camera.pose.apply(xyz), axis=0)
 
 

@@ -17,6 +17,7 @@ from texproj.errors import RegistrationError
 from texproj.options import StructureOptions
 from texproj.photo import Photo
 from texproj.records import Fit
+from texproj.register.motion import motion_px
 from texproj.register.structure.solve import (
     FINE_SCALE_PX,
     LENS,
@@ -27,9 +28,10 @@ from texproj.register.structure.solve import (
     refine,
     with_outline,
 )
-from texproj.register.structure.starts import cameras_around, motion_px, placed_starts
+from texproj.register.structure.starts import cameras_around, placed_starts
 from texproj.register.structure.verdict import Verdict, judge
-from texproj.register.structure.view import Observation, Render, StructureView
+from texproj.register.structure.view import Observation, StructureView
+from texproj.render import Render
 from texproj.solve.lm import LmFit
 from texproj.solve.reprojection import projection_jacobian
 

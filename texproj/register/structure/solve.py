@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from texproj.arrays import Doubles
 from texproj.camera import Camera
 from texproj.options import StructureOptions
-from texproj.register.structure.starts import motion_px
+from texproj.register.motion import motion_px
 from texproj.register.structure.view import FINE, MIDDLE, Observation, PatchRule, StructureView
 from texproj.solve.lm import LmFit, LmOptions, Loss, minimize
 from texproj.solve.pnp import MsacOptions, msac_pose

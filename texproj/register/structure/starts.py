@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from texproj.arrays import Doubles
+from texproj.arrays import Doubles, Mask
 from texproj.camera import Camera, Pose
+from texproj.register.motion import motion_px
 from texproj.register.structure.view import COARSE, StructureView
+from texproj.render import GBuffer
 from texproj.solve.placement import Placement, pivot_px, placements
 
 LEAST_PIXELS = 200
@@ -46,11 +47,11 @@ def placed_starts(
     A shift becomes a rotation of the camera, an enlargement a step along its line of sight.
     """
     images, field, valid = view.rendering(prior, COARSE)
-    if valid.sum() < LEAST_PIXELS or images.depth is None:
+    if valid.sum() < LEAST_PIXELS:
         return []
     camera = view.camera_at(prior, COARSE)
-    pivot, depth = pivot_px(valid), float(np.median(images.depth[valid]))
-    probes = _probes(camera, images.depth, valid)
+    pivot, depth = pivot_px(valid), float(np.median(images.require("depth")[valid]))
+    probes = _probes(camera, images, valid)
     found: list[Start] = []
     for placement in placements(field, valid, view.fields[COARSE], rolls_rad, scales):
         start = replace(prior, pose=placed_pose(camera, placement, pivot, depth))
@@ -64,10 +65,10 @@ def placed_starts(
 def cameras_around(view: StructureView, prior: Camera) -> list[Camera]:
     """Cameras that look at the same place from elsewhere: for a prior wrong in position."""
     images, _, valid = view.rendering(prior, COARSE)
-    if not valid.any() or images.depth is None:
+    if not valid.any():
         return []
     ray = ray_in_cam(view.camera_at(prior, COARSE), pivot_px(valid))
-    middle = ray * float(np.median(images.depth[valid]))
+    middle = ray * float(np.median(images.require("depth")[valid]))
     turns = np.radians([(0, y, 0) for y in YAWS_DEG] + [(p, 0, 0) for p in PITCHES_DEG])
     orbits = [_orbited(prior, middle, turn, 1.0) for turn in turns]
     return [*orbits, *(_orbited(prior, middle, np.zeros(3), d) for d in DISTANCES)]
@@ -98,19 +99,10 @@ def ray_in_cam(camera: Camera, xy_px: Doubles) -> Doubles:
     return np.array([ideal[0], ideal[1], 1.0])
 
 
-def motion_px(camera: Camera, other: Camera, xyz_in_world: Doubles) -> float:
-    """Mean distance between the two cameras' images of the points, pixels; inf if neither
-    sees any of them."""
-    gap = np.linalg.norm(camera.project(xyz_in_world)[0] - other.project(xyz_in_world)[0], axis=1)
-    gap = gap[np.isfinite(gap)]
-    return float(gap.mean()) if len(gap) else float("inf")
-
-
-def _probes(camera: Camera, depth: NDArray[np.float32], valid: NDArray[np.bool_]) -> Doubles:
+def _probes(camera: Camera, images: GBuffer, valid: Mask) -> Doubles:
     y, x = np.nonzero(valid)
     pick = np.linspace(0, len(x) - 1, min(PROBES, len(x))).astype(int)
-    y, x = y[pick], x[pick]
-    return camera.unproject(np.stack([x, y], axis=1) + 0.5, depth[y, x])
+    return images.points(camera, y[pick], x[pick])
 
 
 def _turn_between(a: Doubles, b: Doubles) -> Doubles:

@@ -14,6 +14,7 @@ from texproj.arrays import Doubles
 from texproj.camera import Camera
 from texproj.options import StructureOptions
 from texproj.photo import Photo
+from texproj.register.motion import motion_px
 from texproj.register.structure.mirror import mirrored_candidate
 from texproj.register.structure.solve import (
     CHECK,
@@ -24,8 +25,8 @@ from texproj.register.structure.solve import (
     found_share,
     refine,
 )
-from texproj.register.structure.starts import motion_px
-from texproj.register.structure.view import FINE, Observation, PatchRule, Render, StructureView
+from texproj.register.structure.view import FINE, Observation, PatchRule, StructureView
+from texproj.render import Render
 
 MIN_SUPPORT = 0.33
 """Share of patches found in place, at half the working size, below which a camera is refused ..."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import cv2
@@ -13,11 +12,9 @@ from texproj.arrays import Doubles, Floats
 from texproj.camera import Camera
 from texproj.photo import Photo
 from texproj.register.structure.crop import Window
-from texproj.render.gbuffer import GBuffer
+from texproj.render import GBuffer, Render
 from texproj.solve.matching import PatchMatches, match_patches, patch_grid
 from texproj.solve.orientation import Field, photo_field, render_field
-
-Render = Callable[[Camera], GBuffer]
 
 FINE, MIDDLE, COARSE = 0, 1, 2
 """Levels: the working size, a half and a quarter of it."""
@@ -133,18 +130,17 @@ class StructureView:
         matches = match_patches(field, photo, centers, rule.size_px, rule.radius_px, rule.peaks)
         x, y = centers[matches.patch].T
         here = self.camera_at(camera, rule.level)
-        xyz = here.unproject(matches.source_px, _depth(images)[y, x])
+        xyz = images.points(here, y, x)
         grid = centers.astype(np.float64) + 0.5
         return Observation(here, rule, grid, matches, xyz)
 
 
 def _window(photo: Photo, render: Render, around: Camera) -> Window:
     width, height = photo.info.width, photo.info.height
-    small = around.scaled(LOOK_PX / max(around.width, around.height))
-    depth = render(small).depth
-    if depth is None or not np.isfinite(depth).any():
+    solid = np.isfinite(render(around.reduced(LOOK_PX)).require("depth"))
+    if not solid.any():
         return Window.whole(width, height)
-    window = Window.around(np.isfinite(depth), MARGIN, width, height)
+    window = Window.around(solid, MARGIN, width, height)
     cropped = max(window.width, window.height) < WORTH_CROPPING * max(width, height)
     return window if cropped else Window.whole(width, height)
 
@@ -162,21 +158,13 @@ def _field(photo: Photo, longest_px: float) -> Field:
 
 def _channels(images: GBuffer) -> list[Floats]:
     """Normal x, y, z and ambient occlusion."""
-    if images.normal_in_cam is None or images.ao is None:
-        raise ValueError("structure needs a rendering with depth, normal and ao")
-    normal = [np.ascontiguousarray(images.normal_in_cam[..., k]) for k in range(3)]
-    return [*normal, images.ao]
-
-
-def _depth(images: GBuffer) -> Floats:
-    if images.depth is None:
-        raise ValueError("structure needs a rendering with depth, normal and ao")
-    return images.depth
+    normal = images.require("normal")
+    return [*(np.ascontiguousarray(normal[..., k]) for k in range(3)), images.require("ao")]
 
 
 def _solid(images: GBuffer) -> NDArray[np.bool_]:
     """Where the mesh's outside is seen."""
-    solid = np.isfinite(_depth(images))
+    solid = np.isfinite(images.require("depth"))
     return solid if images.front is None else solid & images.front
 
 
