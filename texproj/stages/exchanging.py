@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from texproj.camera import Camera
-from texproj.errors import InputError, UsageError, nearest_name, shown
+from texproj.errors import InputError, UsageError, excerpt, nearest_name
 from texproj.formats.cameras import read_cameras
 from texproj.formats.interchange import (
     READERS,
@@ -164,7 +164,7 @@ def _checked(
 ) -> Readings:
     """What the photo's camera may mean. Raises InputError for one that cannot be its."""
     if len(found) > 1:
-        told = ", ".join(shown(camera.name) for camera in found[:SHOWN])
+        told = ", ".join(excerpt(camera.name) for camera in found[:SHOWN])
         raise InputError(f"{len(found)} cameras of the file fit its name ({told})")
     info = bench.project.photo_info(photo)
     told_stored = stored[0] if len(stored) == 1 else None
@@ -290,7 +290,7 @@ def _nothing(project: Project, path: Path, outcome: ImportOutcome, notes: Iterab
 
 def _no_camera(project: Project, outcome: ImportOutcome) -> str:
     if not outcome.failed:
-        told = ", ".join(shown(name) for name in outcome.unmatched[:SHOWN]) or "none"
+        told = ", ".join(excerpt(name) for name in outcome.unmatched[:SHOWN]) or "none"
         ours = ", ".join(project.photo_names[:SHOWN])
         return f"no camera for a photo of this project (it names {told}; ours are {ours})"
     if set(outcome.failed.values()) == {BLIND}:
