@@ -11,8 +11,9 @@ CHECKOUT = Path(__file__).resolve().parent.parent
 PACKAGE = CHECKOUT / "texproj"
 SOURCES = sorted(PACKAGE.rglob("*.py"))
 PAGE = sorted((PACKAGE / "preview/web/src").glob("*.ts"))
-SAME_ROLE = {"register", "search", "charts", "texels", "texture", "vertices"}
-"""Names that mean the same wherever they stand: a folder's entry, its search, a kind of points."""
+SAME_ROLE = {"register", "search", "view", "charts", "texels", "texture", "vertices"}
+"""Names that mean the same wherever they stand: a folder's entry, its search, its view of a photo,
+kinds of what is colored."""
 
 
 def id_of(path: Path) -> str:

@@ -36,7 +36,7 @@ def import_(
     json: Json = False,
     verbose: Verbose = False,
 ) -> int:
-    """Take cameras from another program: COLMAP, Metashape, RealityScan, MeshLab, and others.
+    """Take cameras from another program: COLMAP, Metashape, RealityScan, MeshLab, others.
 
     Example: texproj import statue sparse/0
     """

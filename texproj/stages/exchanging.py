@@ -24,7 +24,6 @@ from texproj.project import Project
 from texproj.records import CameraRecord, Status
 from texproj.register.proof.prove import Proof
 from texproj.stages.bench import Workbench
-from texproj.stages.entries import BEFORE_KEY, START_KEY
 from texproj.stages.photo_names import PhotoNames, by_photo
 from texproj.stages.proving import believe
 from texproj.stages.readings import Reading, Readings, readings
@@ -258,8 +257,7 @@ def _record(
     proof: Proof | None, doubt: str, old: CameraRecord | None,
 ) -> CameraRecord:  # fmt: skip
     """The new entry; foreign keys of the old one stay, what registration kept there goes."""
-    own = (START_KEY, BEFORE_KEY)
-    extra = {key: value for key, value in (old.extra if old else {}).items() if key not in own}
+    extra = dict(old.extra) if old else {}
     quality: dict[str, Any] = {"mesh_in_view": round(in_view, 4)}
     if proof is not None:
         quality |= {"standing": proof.standing, **proof.checked}

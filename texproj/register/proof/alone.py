@@ -14,8 +14,8 @@ from texproj.camera import Camera
 from texproj.photo import Photo
 from texproj.register.proof.texture import textured
 from texproj.register.structure.solve import CHECK, LAST, found_share
-from texproj.register.structure.view import FINE, Observation, Render, StructureView
-from texproj.render import GBuffer
+from texproj.register.structure.view import FINE, Observation, StructureView
+from texproj.render import GBuffer, Render
 
 GLANCE_PX = 256
 """Longer side of the picture that tells what of the mesh is in view."""

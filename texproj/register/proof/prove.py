@@ -20,7 +20,7 @@ from texproj.register.joint.overlap import choose_partners, shared_views
 from texproj.register.joint.session import KEPT_PHOTOS, Kept, LoadPhoto, Views
 from texproj.register.proof.alone import Glance, StructureLook, glance, look
 from texproj.register.proof.pairs import PLACED_PX, PairAgreement, compare_pair
-from texproj.register.structure.view import Render
+from texproj.render import Render
 
 WORKING_PX = 768
 """Longer side of the reduced photos: all thresholds are for this size."""
