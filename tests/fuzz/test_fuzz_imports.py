@@ -62,7 +62,8 @@ def meshroom():
 
 
 NGP = {
-    "camera_angle_x": 0.8, "k1": 0.05, "k2": 0.01, "k4": 0.001, "is_fisheye": True, "w": 80, "h": 60,
+    "camera_angle_x": 0.8, "k1": 0.05, "k2": 0.01, "k4": 0.001, "is_fisheye": True, "w": 80,
+    "h": 60,
     "applied_transform": [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0]], "applied_scale": 2.0,
     "frames": [{"file_path": "./one.jpg", "transform_matrix": np.eye(4).tolist()}],
 }  # fmt: skip
@@ -73,8 +74,8 @@ xmlns:xcr="http://www.capturingreality.com/ns/xcr/1.1#" xcr:Version="3" xcr:Coor
 xcr:DistortionModel="brown4t2" xcr:FocalLength35mm="18" xcr:Skew="0" xcr:AspectRatio="1"
 xcr:PrincipalPointU="0.01" xcr:PrincipalPointV="-0.01"><xcr:Rotation>0 1 0 -1 0 0 0 0 1
 </xcr:Rotation><xcr:Position>1 2 3</xcr:Position>
-<xcr:DistortionCoeficients>0.1 0 0 0.02 0.01 0</xcr:DistortionCoeficients></rdf:Description></rdf:RDF>
-</x:xmpmeta>"""
+<xcr:DistortionCoeficients>0.1 0 0 0.02 0.01 0</xcr:DistortionCoeficients></rdf:Description>
+</rdf:RDF></x:xmpmeta>"""
 
 CHUNK_TRANSFORM = """<transform><rotation>1 0 0 0 1 0 0 0 1</rotation><translation>0 0 0
 </translation><scale>2</scale></transform></chunk>"""
