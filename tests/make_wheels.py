@@ -10,6 +10,7 @@ import json
 import subprocess
 import sys
 import tempfile
+import tomllib
 from importlib.metadata import distribution
 from pathlib import Path
 
@@ -22,17 +23,17 @@ GLIBC = (5, 12, 17, 24, 27, 28, 31, 34, 35)
 """Versions 2.x of the C library that wheels may ask for; Debian 12 has 2.36."""
 
 
-def dependencies(name: str = "texproj") -> set[str]:
-    """The distributions that one needs, and those that these need, without extras."""
+def dependencies() -> set[str]:
+    """The distributions that texproj needs, and those that these need, without extras."""
+    project = tomllib.loads((TABLE.parents[1] / "pyproject.toml").read_text())["project"]
+    waiting = [*project["dependencies"]]
     found: set[str] = set()
-    waiting = [name]
     while waiting:
-        for text in distribution(waiting.pop()).requires or ():
-            needed = Requirement(text)
-            key = canonicalize_name(needed.name)
-            if (not needed.marker or needed.marker.evaluate({"extra": ""})) and key not in found:
-                found.add(key)
-                waiting.append(key)
+        needed = Requirement(waiting.pop())
+        name = canonicalize_name(needed.name)
+        if name not in found and (not needed.marker or needed.marker.evaluate({"extra": ""})):
+            found.add(name)
+            waiting += distribution(name).requires or ()
     return found
 
 
