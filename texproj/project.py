@@ -263,6 +263,15 @@ class Project:
         """Keep what a stage has to say about its run. Raises OutputError."""
         write_atomically(self.record_path(stage, name), json.dumps(record, indent=1))
 
+    def features_path(self) -> Path:
+        """The file in which features and matches of photos are kept from run to run. Raises
+        OutputError where there can be none.
+        """
+        folder = self.work / "block"
+        with staging(folder):
+            pass
+        return folder / "features.db"
+
     def load_array(self, key: str) -> NDArray[Any] | None:
         """The array cached under `key`, None if there is none."""
         path = self.work / "arrays" / f"{key}.npy"

@@ -15,8 +15,8 @@ from texproj.arrays import Doubles
 from texproj.register.block.placed_block import Matched, PatchFit, PlacedBlock
 from texproj.register.block.propose import Place
 from texproj.register.block.witnesses import Witness
+from texproj.register.motion import motion_px
 from texproj.register.structure.solve import CHECK, NEAR, WIDE, found_share
-from texproj.register.structure.starts import motion_px
 from texproj.register.structure.view import PatchRule, StructureView
 from texproj.solve.lm import LmFit, LmOptions, Loss, minimize
 

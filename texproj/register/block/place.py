@@ -25,7 +25,7 @@ from texproj.register.block.propose import SCALE_BATCHES, Place, Proposer
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.block.scan import Scan
 from texproj.register.block.witnesses import LoadPhoto, Witness, called
-from texproj.register.structure.view import Render
+from texproj.render import Render
 
 Told = Callable[[str, float], None]
 """``told(what, share)``: what is being done and the share of all that is done, 0 .. 1; whoever
