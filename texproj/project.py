@@ -245,6 +245,10 @@ class Project:
         return self.root / "work"
 
     @property
+    def log_folder(self) -> Path:
+        return self.work / "log"
+
+    @property
     def out(self) -> Path:
         return self.root / "out"
 
