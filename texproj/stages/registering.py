@@ -176,6 +176,7 @@ class _Run:
             told = attended(", ".join(names), lambda: step(self.bench, names, self.progress))
         except PhotoFaultError as error:
             told = dict.fromkeys(names, str(error))
+            self.faulty |= set(names)
         return {
             name: Search(None, (fit,), ("block",)) if isinstance(fit, str)
             else Search().then([("block", partial(believed, fit))])
