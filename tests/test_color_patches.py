@@ -181,8 +181,9 @@ def test_a_photo_that_cannot_be_read_is_left_out(renderer):
     photos = [None, *(picture(c) for c in cameras[1:])]
     texture = patched(mesh, photos, cameras, renderer)
     assert texture.failed == {"0": "photo 0 is damaged"}
-    used = [row["file"] for row in texture.quality["photos"]]
-    assert used == [str(number) for number in range(1, len(VIEWS))]
+    assert [row["file"] for row in texture.quality["photos"]] == [
+        str(number) for number in range(1, len(VIEWS))
+    ]
     assert error(mesh, texture).max() < 0.012
 
 

@@ -18,7 +18,8 @@ from texproj.project import Project
 from texproj.records import CameraRecord
 from texproj.stages.bench import Workbench
 from texproj.stages.entries import start_of
-from texproj.stages.exchanging import export_cameras, import_cameras
+from texproj.stages.exchanging import import_cameras
+from texproj.stages.exporting import export_cameras
 from texproj.stages.registering import registration_freshness
 
 WIDTH, HEIGHT = 80, 60

@@ -161,7 +161,7 @@ def test_a_file_that_is_not_ours_says_why(tmp_path, text, says):
 def test_a_missing_binary_or_repeating_file(tmp_path):
     with pytest.raises(InputError, match="cannot be read"):
         read_cameras(tmp_path / "none.json")
-    (tmp_path / "cameras.json").write_bytes(b"\xff\xfe\x00\x01")
+    (tmp_path / "cameras.json").write_bytes(b"\xff\xd8\xff\xe0")
     with pytest.raises(InputError, match="UTF-8"):
         read_cameras(tmp_path / "cameras.json")
     with pytest.raises(InputError, match=r"a\.jpg appears twice"):

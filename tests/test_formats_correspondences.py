@@ -40,6 +40,24 @@ def test_order_spaces_comments_other_columns_and_byte_order_marks_do_not_matter(
     assert picks.names == ("1",)
 
 
+@pytest.mark.parametrize("separator", [";", "\t"])
+@pytest.mark.parametrize("ends", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-32"])
+def test_spreadsheets_of_any_language_are_read(tmp_path, separator, ends, encoding):
+    """Semicolons and tabs with decimal commas, any line ends, Unicode with a mark."""
+    lines = ["u;v;x;y;z;name", "1,5;2.25;3;4;-5,5e2;Nase, links", ""]
+    picks = read(tmp_path, ends.join(lines).replace(";", separator).encode(encoding))
+    np.testing.assert_array_equal(picks.xy_px, [[1.5, 2.25]])
+    np.testing.assert_array_equal(picks.xyz_in_world, [[3, 4, -550]])
+    assert picks.names == ("Nase, links",)
+
+
+def test_names_in_the_western_code_page_are_read(tmp_path):
+    assert read(tmp_path, "u,v,x,y,z,name\n1,2,3,4,5,H\u00f6he\n".encode("cp1252")).names == (
+        "H\u00f6he",
+    )
+
+
 def test_a_header_alone_is_no_picks(tmp_path):
     assert len(read(tmp_path, "u,v,x,y,z\n")) == 0
 
@@ -54,7 +72,12 @@ BAD = {
     "short line": ("u,v,x,y,z\n1,2,3,4\n", r"line 2: z is missing \(the line has 4 values\)"),
     "empty": ("", "empty"),
     "only comments": ("# nothing\n", "empty"),
-    "semicolons": ("u;v;x;y;z\n1;2;3;4;5\n", "column 'u' is missing"),
+    "far pixel": ("u,v,x,y,z\n1,-1e8,3,4,5\n", r"line 2: v = -1e\+08 is out of bounds"),
+    "far point": ("u,v,x,y,z\n1,2,3,4,1e200\n", r"line 2: z = 1e\+200 is out of bounds"),
+    "other digits": ("u,v,x,y,z\n1,2,3,4,\u00b2\n", "line 2: z = '\u00b2'"),
+    "underscore": ("u,v,x,y,z\n1,2,3,4,1_0\n", "line 2: z = '1_0'"),
+    "thousands": ("u;v;x;y;z\n1;2;3;4;1.234,5\n", "line 2: z = '1.234,5'"),
+    "long field": ("u,v,x,y,z\n1,2,3,4," + "5" * 200_000, "line 2: field larger"),
     "binary": (b"\xff\xd8\xff\xe0\x00\x10JFIF", "UTF-8"),
 }
 

@@ -2,6 +2,7 @@
 
 import json
 
+import cv2
 import numpy as np
 import pytest
 
@@ -59,15 +60,49 @@ def test_each_colmap_lens(lens, x, tmp_path):
     assert pixel(model, (1, 0, 0), 1) == pytest.approx([320 + 500 * x, 240])
 
 
-@pytest.mark.parametrize("lens", ["OPENCV_FISHEYE 640 480 500 500 320 240 0 0 0 0",
-                                  "FOV 640 480 500 500 320 240 0.9"])  # fmt: skip
-def test_fisheye_lenses_are_refused_with_a_way_out(lens, tmp_path):
-    """Photos of a fisheye have no camera here, and the reason names the model and what to do."""
+WIDE_LENSES = [
+    ("OPENCV_FISHEYE 640 480 150 150 320 240 0 0 0 0", "too wide"),
+    ("FOV 640 480 500 500 320 240 0.9", "FOV"),
+]
+
+
+@pytest.mark.parametrize(("lens", "word"), WIDE_LENSES)
+def test_lenses_without_a_perspective_picture_are_refused_with_a_way_out(lens, word, tmp_path):
+    """The reason tells the lens and what to do."""
     model = read("colmap", colmap_folder(tmp_path, lens))
 
     assert model.cameras == ()
-    assert lens.split()[0] in model.refused["right/c.jpg"]
-    assert "undistort" in model.refused["right/c.jpg"]
+    assert word in model.refused["right/c.jpg"] and "undistort" in model.refused["right/c.jpg"]
+
+
+FISHEYES = [
+    ("colmap", "OPENCV_FISHEYE 640 480 500 500 320 240 0.05 0.01 0.002 -0.001"),
+    ("colmap", "RADIAL_FISHEYE 640 480 500 320 240 0.05 0.01"),
+    ("nerfstudio", {"camera_model": "OPENCV_FISHEYE"}),
+    ("nerfstudio", {"is_fisheye": True}),
+]
+
+
+@pytest.mark.parametrize(("kind", "lens"), FISHEYES, ids=str)
+def test_a_fisheye_is_fitted(kind, lens, tmp_path):
+    """Points all over the picture fall where OpenCV's own fisheye puts them, to a hundredth pixel;
+    the note says how well they do.
+    """
+    k = np.array([0.05, 0.01, 0.002, -0.001])
+    if kind == "colmap":
+        k[2:] *= not lens.startswith("RADIAL")
+        path = colmap_folder(tmp_path, lens)
+    else:
+        named = dict(zip(("k1", "k2", "k3", "k4"), k, strict=True))
+        path = transforms(tmp_path, w=640, h=480, fl_x=500, cx=320, cy=240, **named, **lens)
+    found = read(kind, path).cameras[-1]
+    pixels = np.random.default_rng(5).uniform((20, 20), (620, 460), (50, 2))
+    K = np.array([[500, 0, 320], [0, 500, 240], [0, 0, 1.0]])
+    ideal = cv2.fisheye.undistortPoints(pixels[:, None], K, k)[:, 0]
+
+    ours = found.camera.intrinsics.distort(ideal) * 500 + (320, 240)
+    np.testing.assert_allclose(ours, pixels, rtol=0, atol=0.01)
+    assert "fisheye" in found.notes[0]
 
 
 # --- Bundler
@@ -314,10 +349,10 @@ def test_nerfstudio_field_of_view(tmp_path):
     assert pixel(read("nerfstudio", path), (2, 3, 5)) == pytest.approx([1200, 550])
 
 
-def test_nerfstudio_fisheye_is_refused(tmp_path):
-    model = read("nerfstudio", transforms(tmp_path, camera_model="OPENCV_FISHEYE"))
+def test_nerfstudio_panoramas_are_refused(tmp_path):
+    model = read("nerfstudio", transforms(tmp_path, camera_model="EQUIRECTANGULAR"))
 
-    assert "OPENCV_FISHEYE" in model.refused["./images/a.png"]
+    assert "EQUIRECTANGULAR" in model.refused["./images/a.png"]
 
 
 # --- openMVG
@@ -448,8 +483,8 @@ BROKEN = [
     ("nerfstudio", "t.json", '{"frames": 3}', "must be a list"),
     ("nerfstudio", "t.json", '{"frames": [', "line 1: not JSON"),
     ("nerfstudio", "t.json", '{"frames": [{"file_path": "a"}]}', "focal length"),
-    ("nerfstudio", "t.json", '{"fl_x": 9, "frames": [{"file_path": "a", "transform_matrix": []}]}',
-     "3 or 4 rows"),
+    ("nerfstudio", "t.json",
+     '{"fl_x": 900, "frames": [{"file_path": "a", "transform_matrix": [1]}]}', "3 or 4 rows"),
     ("nerfstudio", "t.json", "[]", "an object"),
     ("openmvg", "s.json", '{"views": [], "intrinsics": []}', "no 'extrinsics'"),
     ("meshroom", "c.sfm", '{"version": ["1", "9", "0"]}', "1.9.0"),

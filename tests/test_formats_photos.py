@@ -223,7 +223,7 @@ def test_a_stencil_of_another_shape_is_refused_with_both_sizes(tmp_path):
     with pytest.raises(InputError, match=r"m\.png: the mask is 48 x 72.*a\.png is 72 x 48"):
         read(path, mask=mask)
     (tmp_path / "m.png").write_bytes(b"")
-    with pytest.raises(InputError, match=r"m\.png: the mask is damaged"):
+    with pytest.raises(InputError, match=r"m\.png: the mask is empty"):
         read(path, mask=mask)
 
 

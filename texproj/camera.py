@@ -18,6 +18,12 @@ Array = NDArray[np.float64]
 DISTORTION_LENGTHS = (0, 4, 5, 8, 12, 14)
 """Numbers of coefficients that OpenCV defines: k1 k2 p1 p2 [k3 [k4 k5 k6 [s1..s4 [tx ty]]]]."""
 
+NEGLIGIBLE_RADIAL = np.array([1e-27, 1e-21, 1e-15])
+"""Of r^6, r^4, r^2: below, they move no point by 1e-9 within 89.9 degrees of the axis."""
+
+MOST_COEFFICIENT = 1e60
+"""Nothing is seen through a lens with larger ones, and their products overflow."""
+
 UNDISTORT_ITERATIONS = 50
 UNDISTORT_TOLERANCE = 1e-12
 """Largest step, in normalized image units, at which the undistortion has converged."""
@@ -167,8 +173,12 @@ class Intrinsics:
         of the lens model grows; beyond it the polynomial folds back and projections mean nothing.
         """
         k1, k2, _, _, k3, k4, k5, k6 = (*self.dist, *(0.0,) * 8)[:8]
+        if max(map(abs, self.dist), default=0.0) > MOST_COEFFICIENT:
+            return 0.0
         num = np.array([k3, k2, k1, 1.0])  # in r^2, highest power first
         den = np.array([k6, k5, k4, 1.0])
+        for terms in (num, den):  # else the roots of what moves nothing overflow
+            terms[:3][np.abs(terms[:3]) < NEGLIGIBLE_RADIAL] = 0
         # d/dr [r num/den] = 0, with s = r^2: (num + 2 s num') den - 2 s num den' = 0
         s = np.array([2.0, 0.0])
         slope: Array = np.polysub(

@@ -35,10 +35,17 @@ class OutputError(TexprojError):
     """A result that could not be written; what was there before is intact."""
 
 
+def excerpt(value: object, most: int = 60) -> str:
+    """What a file holds, as a sentence can show it: on one line, printable, of bounded length."""
+    text = value if isinstance(value, str) else repr(value)[: 4 * most]
+    text = text[: 4 * most].encode("unicode_escape").decode() if not text.isprintable() else text
+    return text if len(text) <= most else f"{text[: most - 3]}..."
+
+
 def nearest_name(word: str, known: Iterable[str]) -> str:
     """Return `` (did you mean 'x'?)`` for the known name closest to `word`, or the list of all."""
     names = sorted(known)
-    close = get_close_matches(word, names, n=1, cutoff=0.5)
+    close = get_close_matches(word[:100], names, n=1, cutoff=0.5)
     if close:
         return f" (did you mean {close[0]!r}?)"
     return f" (known: {', '.join(names)})" if names else ""

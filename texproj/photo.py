@@ -9,6 +9,11 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+LARGEST_PHOTO_MP = 400.0
+"""Million pixels of the largest photo that is read where nobody asks for more: what fits in 2 GB
+of memory, and four times what cameras take.
+"""
+
 
 @dataclass(frozen=True)
 class PhotoInfo:

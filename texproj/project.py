@@ -6,7 +6,7 @@ Everything is read on demand and written to a temporary name, then renamed.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.errors import InputError, UsageError, nearest_name
+from texproj.errors import InputError, UsageError, excerpt, nearest_name
 from texproj.files import (
     file_hash,
     remove_unfinished,
@@ -94,14 +94,30 @@ class Project:
 
     @cached_property
     def photo_paths(self) -> dict[str, Path]:
-        """The photos by file name, in the order of their names. Raises InputError for none."""
+        """The photos by file name, in the order of their names, less those that the settings leave
+        out. Raises InputError for none, UsageError where the settings leave out an unknown one.
+        """
         found = self._photos
         if not found.paths:
             kinds = ", ".join(s[1:] for s in PHOTO_SUFFIXES)
             said = "".join(f" ({note})" for note in found.notes)
             raise InputError(f"no photos in {self.photos}; put some there ({kinds}){said}")
-        refuse_same_stems(found.paths.values())
-        return dict(found.paths)
+        left_out = self._excluded(found.paths)
+        taken = {name: path for name, path in found.paths.items() if name not in left_out}
+        if not taken:
+            raise InputError(f"`exclude` in {self.root / SETTINGS_FILE} leaves out every photo")
+        refuse_same_stems(taken.values())
+        return taken
+
+    def _excluded(self, present: Collection[str]) -> set[str]:
+        """The photos that the settings leave out. Raises UsageError for one that is not there."""
+        for name in self.settings.exclude:
+            if name not in present:
+                raise UsageError(
+                    f"{self.root / SETTINGS_FILE}: exclude: no photo {excerpt(name)!r} in"
+                    f" {self.photos}{nearest_name(name, present)}"
+                )
+        return set(self.settings.exclude)
 
     @property
     def photos(self) -> Path:
@@ -114,11 +130,11 @@ class Project:
 
     @cached_property
     def _masks(self) -> Found:
-        return find_masks(self.root / "masks", self.photo_paths)
+        return find_masks(self.root / "masks", self._photos.paths)
 
     @cached_property
     def _picks(self) -> Found:
-        return find_picks(self.root / "correspondences", self.photo_paths)
+        return find_picks(self.root / "correspondences", self._photos.paths)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -147,12 +163,14 @@ class Project:
 
     def photo_info(self, name: str) -> PhotoInfo:
         """What the photo's header says. Raises InputError."""
-        return read_photo_info(self.photo_path(name))
+        return read_photo_info(self.photo_path(name), self.settings.largest_photo_mp)
 
     def load_photo(self, name: str, longest: int | None = None) -> Photo:
         """The upright photo with its mask, its longer side reduced to `longest` if it is larger."""
         path = self.photo_path(name)
-        return read_photo(path, read_photo_info(path), self.mask_path(name), longest)
+        largest_mp = self.settings.largest_photo_mp
+        info = read_photo_info(path, largest_mp)
+        return read_photo(path, info, self.mask_path(name), longest, largest_mp)
 
     def mask_path(self, name: str) -> Path | None:
         """The stencil of photo `name`, None if it has none. Raises InputError where it has two."""
@@ -198,14 +216,15 @@ class Project:
         write_atomically(path, cameras_json(ordered, old.extra if old else {}))
 
     def save_registration(
-        self, records: Sequence[CameraRecord], stage: str, name: str | None, made: dict[str, Any]
+        self, records: Iterable[CameraRecord], stage: str, made: Mapping[str | None, Any]
     ) -> None:
-        """Write `records` to cameras.json and `made`, the record of how they came about: both, or,
-        where one cannot be written, neither. Raises OutputError.
+        """Write `records` to cameras.json and `made`, how they came about, by photo, or under None
+        for all together: both, or, where one cannot be written, neither. Raises OutputError.
         """
-        path = self.record_path(stage, name)
-        with staging(path.parent) as folder:
-            (folder / path.name).write_text(json.dumps(made, indent=1), encoding="utf-8")
+        paths = {self.record_path(stage, name): told for name, told in made.items()}
+        with staging(next(iter(paths)).parent) as folder:
+            for path, told in paths.items():
+                (folder / path.name).write_text(json.dumps(told, indent=1), encoding="utf-8")
             self.save_cameras(records)
 
     def check_writable(self, *folders: Path) -> None:
@@ -243,6 +262,15 @@ class Project:
     def save_record(self, stage: str, name: str | None, record: dict[str, Any]) -> None:
         """Keep what a stage has to say about its run. Raises OutputError."""
         write_atomically(self.record_path(stage, name), json.dumps(record, indent=1))
+
+    def features_path(self) -> Path:
+        """The file in which features and matches of photos are kept from run to run. Raises
+        OutputError where there can be none.
+        """
+        folder = self.work / "block"
+        with staging(folder):
+            pass
+        return folder / "features.db"
 
     def load_array(self, key: str) -> NDArray[Any] | None:
         """The array cached under `key`, None if there is none."""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass, field, is_dataclass, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any, get_type_hints
 
-from texproj.errors import InputError, UsageError, nearest_name
+from texproj.errors import InputError, UsageError, excerpt, nearest_name
 from texproj.options import (
     ColorOptions,
     MutualInformationOptions,
@@ -22,8 +22,13 @@ from texproj.options import (
     UnwrapOptions,
     options_from,
 )
+from texproj.photo import LARGEST_PHOTO_MP
 
 DEFAULT_PHOTOS = "photos"
+MOST_MEGAPIXELS = 1_000
+"""Beyond, OpenCV refuses, whatever is set."""
+LONGEST_NAME = 255
+"""Bytes of a file's name on every system."""
 
 
 @dataclass(frozen=True)
@@ -31,11 +36,15 @@ class Settings:
     """The settings of a project: one field for each table of project.toml.
 
     mesh: path of the mesh relative to the project, None = the one file in mesh/;
-    photos: folder of the photos.
+    photos: folder of the photos; exclude: names of photos in it that are left out of everything;
+    largest_photo_mp: million pixels of the largest photo or mask
+    that is read.
     """
 
     mesh: str | None = None
     photos: str = DEFAULT_PHOTOS
+    exclude: tuple[str, ...] = ()
+    largest_photo_mp: float = LARGEST_PHOTO_MP
     render: RenderOptions = field(default_factory=RenderOptions)
     register: RegisterOptions = field(default_factory=RegisterOptions)
     points: PointsOptions = field(default_factory=PointsOptions)
@@ -62,10 +71,12 @@ def _field_of(table: str) -> str:
     return table.replace("-", "_")
 
 
+def _table_of(field_name: str) -> str:
+    return field_name.replace("_", "-")
+
+
 SECTIONS: dict[str, Any] = {
-    name.replace("_", "-"): cls
-    for name, cls in get_type_hints(Settings).items()
-    if is_dataclass(cls)
+    _table_of(name): cls for name, cls in get_type_hints(Settings).items() if is_dataclass(cls)
 }
 """Tables of project.toml and the options that each holds."""
 
@@ -82,13 +93,17 @@ def read_settings(text: str, where: str) -> Settings:
         raise InputError(f"{where} is not valid TOML: {error}") from None
     except (ValueError, RecursionError):
         raise InputError(f"{where}: a number is too long, or it is nested too deeply") from None
-    known = ["mesh", "photos", *SECTIONS]
+    known = [f.name for f in fields(Settings) if _table_of(f.name) not in SECTIONS] + [*SECTIONS]
     for key in data:
         if key not in known:
-            raise UsageError(f"{where}: unknown key {key!r}{nearest_name(key, known)}")
-    for key in ("mesh", "photos"):
-        if key in data and not (isinstance(data[key], str) and data[key]):
-            raise UsageError(f"{where}: {key} must be a path in quotes")
+            raise UsageError(f"{where}: unknown key {excerpt(key)!r}{nearest_name(key, known)}")
+    top: dict[str, Any] = {
+        key: _path(data[key], f"{where}: {key}") for key in ("mesh", "photos") if key in data
+    }
+    if "exclude" in data:
+        top["exclude"] = _names(data["exclude"], f"{where}: exclude")
+    if "largest_photo_mp" in data:
+        top["largest_photo_mp"] = _megapixels(data["largest_photo_mp"], where)
     tables: dict[str, Any] = {}
     for name, cls in SECTIONS.items():
         table = data.get(name, {})
@@ -97,4 +112,29 @@ def read_settings(text: str, where: str) -> Settings:
                 f"{where}: {name} must be a table: write [{name}] on a line of its own"
             )
         tables[_field_of(name)] = options_from(cls, table, f"{where} [{name}]")
-    return Settings(data.get("mesh"), data.get("photos", DEFAULT_PHOTOS), **tables)
+    return Settings(**top, **tables)
+
+
+def _path(value: Any, where: str) -> str:
+    if not (isinstance(value, str) and value):
+        raise UsageError(f"{where} must be a path in quotes")
+    if "\0" in value or max(len(part.encode()) for part in value.split("/")) > LONGEST_NAME:
+        raise UsageError(f"{where} = {excerpt(value)!r} is no path that a file can have")
+    return value
+
+
+def _names(value: Any, where: str) -> tuple[str, ...]:
+    if not (isinstance(value, list) and all(isinstance(name, str) for name in value)):
+        raise UsageError(f'{where} must be a list of photos, such as ["IMG_0007.jpg"]')
+    return tuple(value)
+
+
+def _megapixels(value: Any, where: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise UsageError(f"{where}: largest_photo_mp must be a number of million pixels")
+    if not 0 < value <= MOST_MEGAPIXELS:
+        raise UsageError(
+            f"{where}: largest_photo_mp = {excerpt(value)}: more than 0 and at most"
+            f" {MOST_MEGAPIXELS} million pixels can be read"
+        )
+    return float(value)

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 from cyclopts import App, Parameter
 
-from texproj import __version__
 from texproj.cli import talk
 from texproj.cli.exchange import export, import_
+from texproj.cli.exits import DONE
 from texproj.cli.flags import flags_for
 from texproj.cli.inspecting import factors
-from texproj.cli.main import DONE, SOME_FAILED, UNUSABLE
-from texproj.cli.shared import Folder, Json, Verbose, exit_code, matching, open_project
+from texproj.cli.runner import run_stage, tell
+from texproj.cli.shared import Folder, Json, Verbose, matching, open_project
 from texproj.creation import create_project
 from texproj.errors import UsageError
-from texproj.project import Project
 from texproj.settings import SECTIONS
+from texproj.version import __version__
 
 app = App(name="texproj", version=__version__, help=__doc__)
 app.help = (
@@ -88,43 +88,14 @@ def register(
 
     Example: texproj register statue --method points
     """
-    from texproj.stages.bench import Workbench  # noqa: PLC0415
+    from texproj.stages.outcomes import RegisterOutcome  # noqa: PLC0415
     from texproj.stages.registering import register_photos  # noqa: PLC0415
 
     project = open_project(folder, flags, verbose)
     names = matching(project, photos)
-    with Workbench(project) as bench, talk.progress_bars() as progress:
-        outcomes = register_photos(bench, names, progress)
-    if json:
-        talk.say_json({"photos": [_photo_json(o) for o in outcomes]})
-    else:
-        for outcome in outcomes:
-            talk.say(_photo_line(outcome))
-    failed = [o for o in outcomes if o.failed]
-    return exit_code(len(failed), len(outcomes), "registered")
-
-
-def _photo_json(outcome: Any) -> dict[str, Any]:
-    record = outcome.record
-    return {
-        "file": outcome.name,
-        "status": record.status,
-        "method": record.method,
-        "kept": outcome.kept,
-        "reason": outcome.reason,
-        "quality": record.quality,
-    }
-
-
-def _photo_line(outcome: Any) -> str:
-    record = outcome.record
-    if outcome.failed:
-        return f"{outcome.name}: FAILED: {outcome.reason}"
-    error = record.quality.get("expected_error_px")
-    accuracy = f", expected error {error:.1f} px" if error is not None else ""
-    note = f" ({outcome.reason})" if outcome.reason else ""
-    kept = "fresh, " if outcome.kept else ""
-    return f"{outcome.name}: {kept}{record.status} by {record.method}{accuracy}{note}"
+    return run_stage(
+        project, json, lambda bench, tell: RegisterOutcome(register_photos(bench, names, tell))
+    )
 
 
 @app.command
@@ -140,17 +111,9 @@ def color(
 
     Example: texproj color statue --to texture
     """
-    from texproj.stages.bench import Workbench  # noqa: PLC0415
     from texproj.stages.coloring import color_project  # noqa: PLC0415
 
-    project = open_project(folder, flags, verbose)
-    with Workbench(project) as bench, talk.progress_bars() as progress:
-        outcome = color_project(bench, progress)
-    if json:
-        talk.say_json({**vars(outcome), "folder": str(project.out)})
-    else:
-        _say_color(project, outcome)
-    return exit_code(len(outcome.failed), len(outcome.failed) + len(outcome.used), "used")
+    return run_stage(open_project(folder, flags, verbose), json, color_project)
 
 
 @app.command
@@ -166,18 +129,9 @@ def refine(
 
     Example: texproj refine statue
     """
-    from texproj.stages.bench import Workbench  # noqa: PLC0415
     from texproj.stages.refining import refine_project  # noqa: PLC0415
 
-    project = open_project(folder, flags, verbose)
-    with Workbench(project) as bench, talk.progress_bars() as progress:
-        outcome = refine_project(bench, progress)
-    if json:
-        talk.say_json(vars(outcome))
-    else:
-        _say_refined(outcome)
-    total = len(outcome.moved_px) + len(outcome.thrown_out)
-    return exit_code(len(outcome.thrown_out), total, "refined")
+    return run_stage(open_project(folder, flags, verbose), json, refine_project)
 
 
 @app.command
@@ -193,40 +147,9 @@ def run(
 
     Example: texproj run statue
     """
-    from texproj.stages.bench import Workbench  # noqa: PLC0415
     from texproj.stages.running import run_project  # noqa: PLC0415
 
-    project = open_project(folder, flags, verbose)
-    with Workbench(project) as bench, talk.progress_bars() as progress:
-        outcome = run_project(bench, progress)
-    if json:
-        color = vars(outcome.color) if outcome.color else None
-        refined = vars(outcome.refined) if outcome.refined else None
-        photos = [_photo_json(o) for o in outcome.photos]
-        report = [str(path) for path in outcome.report.files]
-        talk.say_json(
-            {
-                "photos": photos,
-                "refine": refined,
-                "color": color,
-                "report": report,
-                "reason": outcome.reason,
-                "unrefined": outcome.unrefined,
-            }
-        )
-    else:
-        for photo in outcome.photos:
-            talk.say(_photo_line(photo))
-        if outcome.unrefined:
-            names = ", ".join(outcome.unrefined)
-            talk.say(f"refinement is switched off: back to their own registration: {names}")
-        if outcome.color:
-            _say_color(project, outcome.color)
-        talk.say(f"report: {outcome.report.files[0]}")
-    if outcome.color is None:
-        talk.complain(outcome.reason)
-        return SOME_FAILED if outcome.failed else UNUSABLE
-    return exit_code(len(outcome.failed), len(outcome.photos), "used")
+    return run_stage(open_project(folder, flags, verbose), json, run_project)
 
 
 @app.command
@@ -235,17 +158,9 @@ def status(folder: Folder, /, *, json: Json = False, verbose: Verbose = False) -
 
     Example: texproj status statue
     """
-    from texproj.stages.running import project_status  # noqa: PLC0415
+    from texproj.stages.running import StatusOutcome, project_status  # noqa: PLC0415
 
-    states = project_status(open_project(folder, None, verbose))
-    if json:
-        talk.say_json({"items": [vars(state) for state in states]})
-        return DONE
-    for state in states:
-        word = "fresh" if state.fresh else "stale"
-        because = f": {state.reason}" if state.reason else ""
-        talk.say(f"{state.stage:9} {state.item:24} {word}{because}")
-    return DONE
+    return tell(StatusOutcome(project_status(open_project(folder, None, verbose))), json)
 
 
 @app.command
@@ -261,18 +176,9 @@ def report(
 
     Example: texproj report statue
     """
-    from texproj.stages.bench import Workbench  # noqa: PLC0415
     from texproj.stages.reporting import report_project  # noqa: PLC0415
 
-    project = open_project(folder, flags, verbose)
-    with Workbench(project) as bench, talk.progress_bars() as progress:
-        outcome = report_project(bench, progress)
-    if json:
-        talk.say_json({"files": [str(path) for path in outcome.files]})
-    else:
-        for path in outcome.files:
-            talk.say(f"wrote {path}")
-    return DONE
+    return run_stage(open_project(folder, flags, verbose), json, report_project)
 
 
 @app.command
@@ -339,28 +245,3 @@ def doctor(*, json: Json = False) -> int:
         if finding.remedy:
             talk.say(f"        {'':12} -> {finding.remedy}")
     return DONE
-
-
-def _say_refined(outcome: Any) -> None:
-    if outcome.kept:
-        talk.say("fresh, kept: nothing has changed since these cameras were refined")
-    for name, moved in outcome.moved_px.items() if not outcome.kept else ():
-        talk.say(f"{name}: moved by {moved:.2f} px")
-    for name in outcome.alone:
-        talk.say(f"{name}: stays as it is: no other photo shows enough of the same surface")
-    for name, reason in outcome.thrown_out.items():
-        talk.say(f"{name}: FAILED: {reason}")
-
-
-def _say_color(project: Project, outcome: Any) -> None:
-    state = "fresh, kept" if outcome.kept else "wrote"
-    talk.say(f"{state}: {', '.join(str(project.out / name) for name in outcome.files)}")
-    chart = outcome.quality.get("checker")
-    if chart:
-        before, after = (chart["ciede2000"][when]["median"] for when in ("before", "after"))
-        talk.say(
-            f"color chart {chart['file']}: CIEDE2000 of its patches {before:.1f} -> {after:.1f};"
-            f" exposure: {chart['exposure']}"
-        )
-    for name, reason in outcome.failed.items():
-        talk.say(f"{name}: FAILED: {reason}")

@@ -9,11 +9,9 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError
 
 from texproj.cli import talk
+from texproj.cli.exits import DONE, INTERRUPTED, UNUSABLE
 from texproj.errors import TexprojError
 from texproj.stages.progress import Cancelled
-
-DONE, SOME_FAILED, UNUSABLE, INTERRUPTED = 0, 1, 2, 130
-"""Exit codes: all done; some photos failed; wrong usage or unusable input; stopped by Ctrl-C."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

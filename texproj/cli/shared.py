@@ -9,8 +9,8 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from texproj.cli import talk
+from texproj.cli.exits import DONE, SOME_FAILED
 from texproj.cli.flags import apply_flags
-from texproj.cli.main import DONE, SOME_FAILED
 from texproj.errors import UsageError
 from texproj.project import Project
 

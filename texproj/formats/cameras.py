@@ -4,24 +4,36 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, PositiveInt, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from texproj.camera import DISTORTION_LENGTHS, Intrinsics, Pose
-from texproj.errors import InputError
-from texproj.records import CameraRecord, Method, Status
+from texproj.errors import InputError, excerpt
+from texproj.formats.camera_bounds import (
+    MOST_SIDE_PX,
+    checked_intrinsics,
+    checked_rotation,
+    checked_translation,
+)
+from texproj.formats.documents import read_json
+from texproj.records import CameraRecord, Method, Refinement, Status
 
 FORMAT = "texproj-cameras"
 VERSION = 1
 ROTATION_TOLERANCE = 1e-4
 """Largest error of R @ R.T against the identity; six printed digits stay well below."""
+START_KEY = "start"
+"""Key of an entry under which the camera is kept that registration started from; null = none."""
+REFINED_KEY = "before_refine"
+"""Key of an entry under which the photo's own registration is kept when all were refined."""
 
 M = TypeVar("M", bound=BaseModel)
+Side = Annotated[int, Field(ge=1, le=MOST_SIDE_PX)]
 Row = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 Matrix = tuple[Row, Row, Row]
 
@@ -52,8 +64,8 @@ class _Entry(BaseModel):
     model_config = ConfigDict(extra="allow")
 
     file: str = Field(min_length=1)
-    width: PositiveInt
-    height: PositiveInt
+    width: Side
+    height: Side
     status: Status = "registered"
     K: Matrix | None = None
     dist: tuple[FiniteFloat, ...] = (0.0,) * 5
@@ -61,6 +73,14 @@ class _Entry(BaseModel):
     t: Row | None = None
     method: Method | None = None
     quality: _Quality = _Quality()
+
+
+class _Refined(BaseModel):
+    """What stands under `REFINED_KEY`."""
+
+    entry: dict[str, Any]
+    refined: str
+    asked: bool = False
 
 
 class _File(BaseModel):
@@ -86,20 +106,22 @@ def read_cameras(path: Path) -> CameraFile:
 
     Raises InputError that names the entry and the key.
     """
-    content = _validated(_File, _json(path), f"{path}")
+    content = _validated(_File, read_json(path), f"{path}")
     if content.format != FORMAT or content.version != VERSION:
         raise InputError(
-            f"{path}: format {content.format!r} version {content.version};"
+            f"{path}: format {excerpt(content.format)!r} version {content.version};"
             f" this program reads {FORMAT!r} version {VERSION}"
         )
     records = [
-        record_of_entry(entry, f"{path}, photo {entry.get('file') or f'number {i}'}")
+        record_of_entry(entry, f"{path}, photo {excerpt(entry.get('file') or f'number {i}')}")
         for i, entry in enumerate(content.photos, 1)
     ]
-    names = [record.file for record in records]
-    for name in names:
-        if names.count(name) > 1:
+    seen: set[str] = set()
+    for record in records:
+        if record.file in seen:
+            name = excerpt(record.file)
             raise InputError(f"{path}: {name} appears twice; keep one entry per photo")
+        seen.add(record.file)
     return CameraFile(records, _kept(f"{path}", content.model_extra))
 
 
@@ -123,38 +145,74 @@ def record_of_entry(value: dict[str, Any], where: str = "camera") -> CameraRecor
     if entry.status == "failed" and entry.R is not None:
         raise InputError(f"{where}: a failed photo has no R and t (else: status 'prior')")
     quality = _kept(f"{where}: quality", entry.quality.model_dump(exclude_unset=True))
-    extra = _kept(where, entry.model_extra)
+    extra = dict(entry.model_extra or {})
+    sought = START_KEY in extra
+    start, refinement = extra.pop(START_KEY, None), extra.pop(REFINED_KEY, None)
     return CameraRecord(
         entry.file, entry.width, entry.height, _intrinsics(where, entry), _pose(where, entry),
-        entry.status, entry.method, quality, extra,
+        entry.status, entry.method, quality, _kept(where, extra),
+        sought, _start(where, entry.file, start), _refinement(where, entry.file, refinement),
     )  # fmt: skip
 
 
 def entry_of_record(record: CameraRecord) -> dict[str, Any]:
     """A record as its entry of `photos`, plain lists and numbers."""
-    entry: dict[str, Any] = {"file": record.file, "width": record.width, "height": record.height}
-    if record.intrinsics is not None:
-        entry |= {"K": record.intrinsics.K.tolist(), "dist": list(record.intrinsics.dist)}
-    if record.pose is not None and record.status != "failed":
-        entry |= {"R": record.pose.R.tolist(), "t": record.pose.t.tolist()}
+    entry: dict[str, Any] = {**record.extra}
+    if record.sought:
+        entry[START_KEY] = _start_entry(record.start)
+    if record.refinement is not None:
+        kept = record.refinement
+        own = entry_of_record(kept.own)
+        entry[REFINED_KEY] = {"entry": own, "refined": kept.camera, "asked": kept.asked}
+    entry |= {"file": record.file, "width": record.width, "height": record.height}
+    entry |= {key: value for key, value in camera_part(record).items() if value is not None}
     entry["status"] = record.status
     if record.method is not None:
         entry["method"] = record.method
     entry["quality"] = record.quality
-    return json.loads(json.dumps(record.extra | entry, allow_nan=False, default=_plain))
+    return json.loads(json.dumps(entry, allow_nan=False, default=_plain))
 
 
-def _json(path: Path) -> Any:
-    try:
-        return json.loads(path.read_text("utf-8-sig"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    except json.JSONDecodeError as error:
-        raise InputError(f"{path}, line {error.lineno}: not JSON ({error.msg})") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: not a text file in UTF-8") from None
-    except (ValueError, RecursionError):
-        raise InputError(f"{path}: a number is too long, or it is nested too deeply") from None
+def camera_part(record: CameraRecord) -> dict[str, Any]:
+    """What an entry says of the camera itself: K, dist, R, t, None where not known."""
+    intrinsics, pose = record.intrinsics, record.pose
+    if record.status == "failed":
+        pose = None
+    return {
+        "K": None if intrinsics is None else intrinsics.K.tolist(),
+        "dist": None if intrinsics is None else list(intrinsics.dist),
+        "R": None if pose is None else pose.R.tolist(),
+        "t": None if pose is None else pose.t.tolist(),
+    }
+
+
+def _start_entry(start: CameraRecord | None) -> dict[str, Any] | None:
+    if start is None:
+        return None
+    entry = entry_of_record(replace(start, sought=False, refinement=None))
+    return {key: value for key, value in entry.items() if key != "file"}
+
+
+def _start(where: str, file: str, value: Any) -> CameraRecord | None:
+    if value is None:
+        return None
+    return _nested(f"{where}: {START_KEY}", file, value, (START_KEY, REFINED_KEY))
+
+
+def _refinement(where: str, file: str, value: Any) -> Refinement | None:
+    if value is None:
+        return None
+    where = f"{where}: {REFINED_KEY}"
+    kept = _validated(_Refined, value, where)
+    return Refinement(_nested(where, file, kept.entry, (REFINED_KEY,)), kept.refined, kept.asked)
+
+
+def _nested(where: str, file: str, value: Any, without: tuple[str, ...]) -> CameraRecord:
+    """A record that is kept inside an entry, which may not hold more of its kind."""
+    if not isinstance(value, dict):
+        raise InputError(f"{where}: must be an entry as cameras.json has it; remove the key")
+    entry = {key: part for key, part in value.items() if key not in without}
+    return record_of_entry({**entry, "file": file}, where)
 
 
 def _kept(where: str, unknown: Mapping[str, Any] | None) -> dict[str, Any]:
@@ -162,7 +220,7 @@ def _kept(where: str, unknown: Mapping[str, Any] | None) -> dict[str, Any]:
     try:
         json.dumps(unknown, allow_nan=False)
     except ValueError:
-        told = ", ".join(unknown or {})
+        told = excerpt(", ".join(unknown or {}))
         raise InputError(f"{where}: NaN or an infinite number in {told}; take it out") from None
     return dict(unknown or {})
 
@@ -172,7 +230,7 @@ def _validated(model: type[M], value: Any, where: str) -> M:
         return model.model_validate(value)
     except ValidationError as error:
         first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
+        key = excerpt(".".join(str(part) for part in first["loc"]))
         raise InputError(f"{where}: {key or 'content'}: {first['msg'].lower()}") from None
 
 
@@ -189,16 +247,15 @@ def _intrinsics(where: str, entry: _Entry) -> Intrinsics | None:
             f"{where}: dist has {len(entry.dist)} coefficients;"
             f" one of {', '.join(map(str, DISTORTION_LENGTHS))} is needed"
         )
-    return Intrinsics.from_K(K, entry.width, entry.height, entry.dist)
+    focal, center = (K[0, 0], K[1, 1]), (K[0, 2], K[1, 2])
+    return checked_intrinsics(entry.width, entry.height, focal, center, entry.dist, where)
 
 
 def _pose(where: str, entry: _Entry) -> Pose | None:
     if entry.R is None or entry.t is None:
         return None
-    R = np.array(entry.R)
-    if np.abs(R @ R.T - np.eye(3)).max() > ROTATION_TOLERANCE or np.linalg.det(R) < 0:
-        raise InputError(f"{where}: R is not a rotation (orthonormal rows, determinant +1)")
-    return Pose(R, np.array(entry.t))
+    R = checked_rotation(np.array(entry.R), where, ROTATION_TOLERANCE)
+    return Pose(R, checked_translation(entry.t, where))
 
 
 def _plain(value: Any) -> Any:

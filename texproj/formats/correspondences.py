@@ -8,30 +8,37 @@ from pathlib import Path
 
 import numpy as np
 
-from texproj.errors import InputError, nearest_name
+from texproj.errors import InputError, excerpt, nearest_name
+from texproj.formats.camera_bounds import MOST_TRANSLATION
+from texproj.formats.documents import finite_number, read_lines
 from texproj.photo import Correspondences
 
 COLUMNS = ("u", "v", "x", "y", "z")
+SEPARATORS = (",", ";", "\t")
+
+MOST_BYTES = 64 << 20
+MOST_PIXELS = 1e7
+"""Distance of a pick from the image corner: fifty times the longest side of a photo."""
 
 
 def read_correspondences(path: Path) -> Correspondences:
     """The picks of one photo.
 
     Columns in any order, `name` optional, others ignored; empty lines and lines that start with
-    `#` are skipped. Raises InputError with file and line for whatever is not a finite number.
+    `#` are skipped. Columns are separated by commas, or by semicolons or tabs as spreadsheets of
+    many languages do, where decimal commas count, too. Raises InputError with file and line for
+    whatever is not a number of possible size.
     """
-    try:
-        text = path.read_text("utf-8-sig")
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: not a text file in UTF-8") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    lines = [(i, line) for i, line in enumerate(text.split("\n"), 1) if _content(line)]
+    lines = [(i, line) for i, line in enumerate(read_lines(path, MOST_BYTES), 1) if _content(line)]
     if not lines:
         raise InputError(f"{path}: empty; its first line must be {','.join(COLUMNS)}[,name]")
-    rows = [_cells(f"{path}, line {i}", line) for i, line in lines]
+    separator = max(SEPARATORS, key=lines[0][1].count)
+    rows = [_cells(f"{path}, line {i}", line, separator) for i, line in lines]
     position = _positions(path, rows[0])
-    numbers = [_numbers(f"{path}, line {i}", position, row) for (i, _), row in _body(lines, rows)]
+    numbers = [
+        _numbers(f"{path}, line {i}", position, row, separator != ",")
+        for (i, _), row in zip(lines[1:], rows[1:], strict=True)
+    ]
     values = np.array(numbers, np.float64).reshape(-1, 5)
     return Correspondences(values[:, :2], values[:, 2:], _names(position, rows[1:]))
 
@@ -50,10 +57,10 @@ def _one_line(name: str) -> str:
     return name.replace("\r", " ").replace("\n", " ")
 
 
-def _cells(where: str, line: str) -> list[str]:
+def _cells(where: str, line: str, separator: str) -> list[str]:
     """The values of one line; a quote that is not closed ends with the line."""
     try:
-        return next(csv.reader([line], skipinitialspace=True))
+        return next(csv.reader([line], delimiter=separator, skipinitialspace=True))
     except csv.Error as error:
         raise InputError(f"{where}: {error}") from None
 
@@ -62,18 +69,12 @@ def _content(line: str) -> bool:
     return bool(line.strip()) and not line.lstrip().startswith("#")
 
 
-def _body(
-    lines: list[tuple[int, str]], rows: list[list[str]]
-) -> list[tuple[tuple[int, str], list[str]]]:
-    return list(zip(lines, rows, strict=True))[1:]
-
-
 def _positions(path: Path, header: list[str]) -> dict[str, int]:
     """Where each known column stands."""
     names = [cell.strip().lower() for cell in header]
     for column in COLUMNS:
         if column not in names:
-            hint = nearest_name(column, names) if not _is_number(names[0]) else ""
+            hint = nearest_name(column, names) if finite_number(names[0]) is None else ""
             raise InputError(
                 f"{path}: column {column!r} is missing{hint};"
                 f" the first line must be {','.join(COLUMNS)}[,name]"
@@ -81,23 +82,22 @@ def _positions(path: Path, header: list[str]) -> dict[str, int]:
     return {name: names.index(name) for name in (*COLUMNS, "name") if name in names}
 
 
-def _numbers(where: str, position: dict[str, int], row: list[str]) -> list[float]:
+def _numbers(
+    where: str, position: dict[str, int], row: list[str], decimal_commas: bool
+) -> list[float]:
     values = []
     for column in COLUMNS:
         if position[column] >= len(row):
             raise InputError(f"{where}: {column} is missing (the line has {len(row)} values)")
         cell = row[position[column]].strip()
-        if not _is_number(cell):
-            raise InputError(f"{where}: {column} = {cell!r} is not a finite number")
-        values.append(float(cell))
+        value = finite_number(cell.replace(",", ".") if decimal_commas else cell)
+        if value is None:
+            raise InputError(f"{where}: {column} = {excerpt(cell)!r} is not a finite number")
+        most = MOST_PIXELS if column in "uv" else MOST_TRANSLATION
+        if abs(value) > most:
+            raise InputError(f"{where}: {column} = {value:g} is out of bounds (at most {most:g})")
+        values.append(value)
     return values
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        return bool(np.isfinite(float(cell)))
-    except ValueError:
-        return False
 
 
 def _names(position: dict[str, int], rows: list[list[str]]) -> tuple[str, ...]:

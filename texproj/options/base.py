@@ -7,7 +7,7 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
-from texproj.errors import UsageError, nearest_name
+from texproj.errors import UsageError, excerpt, nearest_name
 
 STRICT = ConfigDict(extra="forbid", use_attribute_docstrings=True)
 T = TypeVar("T")
@@ -32,11 +32,12 @@ def options_from(cls: type[T], values: dict[str, Any], where: str) -> T:
     known = [f.name for f in fields(cls)]  # type: ignore[arg-type]
     for key in values:
         if key not in known:
-            raise UsageError(f"{where}: unknown key {key!r}{nearest_name(key, known)}")
+            raise UsageError(f"{where}: unknown key {excerpt(key)!r}{nearest_name(key, known)}")
     try:
         return TypeAdapter(cls).validate_python(values)
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])
-        message = f"{where}: {key} = {first['input']!r}: {first['msg'].lower()}"
+        given = repr(first["input"]) if len(repr(first["input"])) < 60 else excerpt(first["input"])
+        message = f"{where}: {key} = {given}: {first['msg'].lower()}"
         raise UsageError(message) from None

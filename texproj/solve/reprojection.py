@@ -86,6 +86,15 @@ def projection_jacobian(
     return out
 
 
+def displacement_variance(jacobian: Doubles, covariance: Doubles) -> Doubles:
+    """(n,) variance, px^2, of the length of the displacement of points whose (n, 2, p) derivative
+    this is, under the (p, p) covariance; infinite where that says nothing.
+    """
+    if not np.isfinite(covariance).all():
+        return np.full(len(jacobian), np.inf)
+    return np.einsum("nip,pq,niq->n", jacobian, covariance, jacobian)
+
+
 def _intrinsic_column(every: Doubles, k: Intrinsics, name: str) -> Doubles:
     """(n, 2); OpenCV's columns are rotation, translation, fx, fy, cx, cy, distortion."""
     if name == "focal":

@@ -27,4 +27,6 @@ def checker_of(project: Project) -> Checker | None:
     if not path.is_file():
         raise InputError(f"no photo of a color chart at {path}; correct `checker` in [color]")
     own = [name for name, photo in project.photo_paths.items() if photo.samefile(path)]
-    return read_checker(read_photo(path, read_photo_info(path)), own[0] if own else None)
+    largest_mp = project.settings.largest_photo_mp
+    photo = read_photo(path, read_photo_info(path, largest_mp), largest_mp=largest_mp)
+    return read_checker(photo, own[0] if own else None)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,11 @@ from texproj.color.sampling.photo_set import PhotoSet
 from texproj.color.vertices import color_vertices
 from texproj.errors import InputError, OutputError, nearest_name
 from texproj.files import json_hash, staging
-from texproj.formats.cameras import entry_of_record
+from texproj.formats.cameras import camera_part
+from texproj.photo import Photo
 from texproj.project import Project
 from texproj.records import CameraRecord
+from texproj.stages.attending import INTERNAL, NO_MEMORY, attended
 from texproj.stages.bench import Workbench
 from texproj.stages.checking import checker_of, checker_path
 from texproj.stages.freshness import (
@@ -26,6 +29,7 @@ from texproj.stages.freshness import (
     file_inputs,
     options_inputs,
 )
+from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
 from texproj.stages.writing import output_plan, write_texture, write_vertices
 
@@ -39,14 +43,37 @@ SECTIONS = ("color", "unwrap", "patches", "output", "render")
 class ColorOutcome:
     """What was written, from which photos, and which could not be used and why.
 
-    kept: nothing had changed since the last run, so nothing was done.
+    folder: where the files are; kept: nothing had changed since the last run, so nothing was done.
     """
 
+    folder: Path
     files: tuple[str, ...]
     used: tuple[str, ...]
     failed: dict[str, str]
     quality: dict[str, Any]
     kept: bool
+
+    @property
+    def tally(self) -> Tally:
+        return Tally(len(self.failed), len(self.failed) + len(self.used), "used")
+
+    def lines(self) -> Iterator[str]:
+        """For people."""
+        state = "fresh, kept" if self.kept else "wrote"
+        yield f"{state}: {', '.join(str(self.folder / name) for name in self.files)}"
+        chart = self.quality.get("checker")
+        if chart:
+            before, after = (chart["ciede2000"][when]["median"] for when in ("before", "after"))
+            yield (
+                f"color chart {chart['file']}: CIEDE2000 of its patches"
+                f" {before:.1f} -> {after:.1f}; exposure: {chart['exposure']}"
+            )
+        for name, reason in self.failed.items():
+            yield f"{name}: FAILED: {reason}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """For --json."""
+        return {**vars(self), "folder": str(self.folder)}
 
 
 def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome:
@@ -58,7 +85,7 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
     project = bench.project
     before = project.load_record(STAGE)
     if before is not None and color_freshness(project).fresh:
-        return _outcome(before, kept=True)
+        return _outcome(project, before, kept=True)
     inputs = _inputs(project)
     cameras, failed = usable_cameras(project)
     colors, write = _made(bench, photo_set(project, cameras), progress)
@@ -77,7 +104,7 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
     }
     project.save_record(STAGE, None, record)
     project.save_hashes()
-    return _outcome(record, kept=False)
+    return _outcome(project, record, kept=False)
 
 
 def _remove_leftovers(project: Project, before: Any, files: tuple[str, ...]) -> None:
@@ -99,6 +126,9 @@ def color_freshness(project: Project) -> Freshness:
     record = project.load_record(STAGE)
     reason = changed_inputs(record, _inputs(project))
     if record is not None and not reason:
+        faults = [n for n, why in record.get("failed", {}).items() if why in (INTERNAL, NO_MEMORY)]
+        reason = f"{', '.join(faults)} met an internal fault, which may be gone" if faults else ""
+    if record is not None and not reason:
         written = record.get("outputs", {})
         gone = [n for n, known in written.items() if project.hash_of(project.out / n) != known]
         reason = f"{', '.join(gone)} changed or missing in {project.out}" if gone else ""
@@ -113,6 +143,8 @@ def usable_cameras(project: Project) -> tuple[dict[str, Camera], dict[str, str]]
     cameras, failed = {}, {}
     for name, record in project.load_cameras().items():
         if record.registered_camera is None:
+            continue
+        if name in project.settings.exclude:
             continue
         if name not in project.photo_paths:
             failed[name] = (
@@ -129,7 +161,11 @@ def usable_cameras(project: Project) -> tuple[dict[str, Camera], dict[str, str]]
 
 def photo_set(project: Project, cameras: Mapping[str, Camera]) -> PhotoSet:
     """The photos of these cameras."""
-    return PhotoSet(tuple(cameras), tuple(cameras.values()), project.load_photo)
+
+    def read(name: str) -> Photo:
+        return attended(name, partial(project.load_photo, name))
+
+    return PhotoSet(tuple(cameras), tuple(cameras.values()), read)
 
 
 def _made(
@@ -176,12 +212,11 @@ def _inputs(project: Project) -> Inputs:
 def _photo_inputs(project: Project, name: str, record: CameraRecord) -> Inputs:
     if record.registered_camera is None:
         return {}
-    entry = entry_of_record(record)
-    camera = {key: entry[key] for key in ("width", "height", "K", "dist", "R", "t")}
+    camera = {"width": record.width, "height": record.height, **camera_part(record)}
     files = {name: project.photo_path(name), f"mask of {name}": project.mask_path(name)}
     return {**file_inputs(project, **files), f"camera of {name}": json_hash(camera)}
 
 
-def _outcome(record: dict[str, Any], kept: bool) -> ColorOutcome:
-    files = tuple(record["outputs"])
-    return ColorOutcome(files, tuple(record["used"]), record["failed"], record["quality"], kept)
+def _outcome(project: Project, record: dict[str, Any], kept: bool) -> ColorOutcome:
+    files, used = tuple(record["outputs"]), tuple(record["used"])
+    return ColorOutcome(project.out, files, used, record["failed"], record["quality"], kept)

@@ -23,7 +23,7 @@ from texproj.formats.interchange.model import (
     pose_at,
     rotation,
 )
-from texproj.formats.interchange.text import member, members, read_json
+from texproj.formats.interchange.text import identity, member, members, read_object, word
 
 Version = tuple[int, ...]
 FROM_CENTER, IN_MM = (1, 2, 1), (1, 2, 2)
@@ -35,16 +35,17 @@ DISTORTIONS = {
 
 def read_meshroom(path: Path, size_of: SizeOf) -> ForeignModel:
     """The views of a .sfm that have a pose; the others are refused. Raises InputError."""
-    content = read_json(path)
+    content = read_object(path)
     version = _version(content, path)
     lenses = {
-        str(member(raw, "intrinsicId", f"{path}")): raw
+        identity(raw, "intrinsicId", f"{path}"): raw
         for raw in members(content, "intrinsics", f"{path}")
     }
-    poses = {str(member(raw, "poseId", f"{path}")): raw for raw in content.get("poses") or ()}
+    listed = members(content, "poses", f"{path}", default=[])
+    poses = {identity(raw, "poseId", f"{path}"): raw for raw in listed}
     found, refused = [], {}
     for view in members(content, "views", f"{path}"):
-        name = str(member(view, "path", f"{path}, view"))
+        name = word(view, "path", f"{path}, view")
         where = f"{path}, {name}"
         try:
             pose = _pose(poses.get(str(view.get("poseId"))), where)
@@ -60,7 +61,9 @@ def _version(content: dict[str, Any], path: Path) -> Version:
     version = tuple(int(number(word, f"{path}, version")) for word in words)
     if version >= (1, 3):
         told = ".".join(map(str, version))
-        raise InputError(f"{path}: version {told} of the format is not known; export as COLMAP")
+        raise InputError(
+            f"{path}: version {told[:20]} of the format is not known; export as COLMAP"
+        )
     return version
 
 

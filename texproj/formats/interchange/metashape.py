@@ -20,6 +20,8 @@ import numpy as np
 
 from texproj.camera import Camera, Intrinsics
 from texproj.errors import InputError
+from texproj.formats.camera_bounds import checked_translation
+from texproj.formats.documents import read_xml
 from texproj.formats.interchange.model import (
     Array,
     ForeignCamera,
@@ -34,14 +36,17 @@ from texproj.formats.interchange.model import (
     number,
     numbers,
     pose_at,
+    possible,
     rotation,
     sentences,
     words,
 )
 from texproj.formats.interchange.radial import with_fourth_order
-from texproj.formats.interchange.text import read_xml
+from texproj.formats.interchange.text import whole
 
 VERSION = "2.0.0"
+MOST_SCALE = 1e12
+"""By how much a chunk may be enlarged; numbers far beyond are no scale."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,8 +122,9 @@ def _similarity(holder: ET.Element, where: str) -> _Similarity | None:
     R = numbers(transform.findtext("rotation"), 9, f"{where}, rotation of the chunk")
     t = numbers(transform.findtext("translation", "0 0 0"), 3, f"{where}, translation of the chunk")
     scale = number(transform.findtext("scale", "1"), f"{where}, scale of the chunk")
-    if scale <= 0:
-        raise InputError(f"{where}, scale of the chunk: must be positive")
+    if not MOST_SCALE > scale > 1 / MOST_SCALE:
+        raise InputError(f"{where}, scale of the chunk: must be positive, and of possible size")
+    checked_translation(t, f"{where}, chunk", "translation")
     return _Similarity(scale, rotation(R, f"{where}, rotation of the chunk"), t)
 
 
@@ -169,18 +175,28 @@ def _lens(
 def _camera(
     camera: ET.Element, sensors: dict[str | None, Sensor], world: _Similarity, where: str
 ) -> ForeignCamera:
+    if camera.get("enabled", "true").lower() in ("false", "0"):
+        raise Unusable("it is disabled there; enable it in Metashape and export again")
     text = camera.findtext("transform")
+    if text is None and camera.get("master_id") is not None:
+        raise Unusable(
+            "it is part of a rig, whose photos but the first have no pose of their own in this"
+            " file; export the cameras from Metashape for COLMAP or Bundler"
+        )
     if text is None:
         raise Unusable("it is not aligned there")
     sensor = sensors.get(camera.get("sensor_id"), Unusable("its sensor is missing in the file"))
     if isinstance(sensor, Unusable):
         raise sensor
     chunk_from_cam = numbers(text, 16, f"{where}, transform").reshape(4, 4)
+    possible(checked_translation, chunk_from_cam[:3, 3], "its pose")
     R = (world.R @ rotation(chunk_from_cam[:3, :3], where)).T
     center = world.scale * world.R @ chunk_from_cam[:3, 3] + world.t
     intrinsics, note = sensor
     name = camera.get("label") or f"camera {camera.get('id')}"
-    return ForeignCamera(name, Camera(intrinsics, pose_at(R, center)), (note,) if note else ())
+    found = Camera(intrinsics, pose_at(R, center))
+    turned = whole((camera.findtext("orientation") or "").strip())
+    return ForeignCamera(name, found, (note,) if note else (), turned)
 
 
 def _notes(chunks: Sequence[ET.Element]) -> tuple[str, ...]:

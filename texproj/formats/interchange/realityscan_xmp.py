@@ -16,6 +16,7 @@ import numpy as np
 
 from texproj.camera import Camera, Intrinsics
 from texproj.errors import InputError
+from texproj.formats.documents import read_xml
 from texproj.formats.interchange.model import (
     ForeignCamera,
     ForeignModel,
@@ -29,7 +30,6 @@ from texproj.formats.interchange.model import (
     sentences,
 )
 from texproj.formats.interchange.radial import with_fourth_order
-from texproj.formats.interchange.text import read_xml
 
 FILM_MM = 36.0
 BROWN = ("perspective", "brown3", "brown4", "brown3t2", "brown4t2")

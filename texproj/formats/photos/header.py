@@ -13,17 +13,34 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from texproj.errors import InputError
+from texproj.errors import InputError, excerpt
+from texproj.formats.camera_bounds import FOCAL_OVER_SIDE
+from texproj.formats.foreign import Broken, foreign_parser
 from texproj.formats.photos.icc import adobe_rgb, usable
-from texproj.photo import PhotoInfo
-
-Tags = dict[int, Any]
+from texproj.formats.photos.tiff import MAGIC, Tags, directories, photo_page
+from texproj.photo import LARGEST_PHOTO_MP, PhotoInfo
 
 PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff")
 
 DIAGONAL_35MM = math.hypot(36, 24)
 MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 """EXIF ResolutionUnit and FocalPlaneResolutionUnit: inch, cm, mm, micrometre."""
+
+LONGEST_SIDE_PX = 32_766
+"""What OpenCV's remap can take from and give."""
+
+MOST_EXIF_BYTES = 16 << 20
+LONGEST_BODY = 100
+"""Characters of a camera's name."""
+EXPOSURE_BOUNDS = (1e-9, 1e9)
+"""Seconds, f-numbers and ISO values that a camera could write."""
+
+OTHER_IMAGES = {
+    b"GIF8": "GIF", b"BM": "BMP", b"RIFF": "WebP", b"8BPS": "Photoshop", b"%PDF": "PDF",
+    b"#?RADIANCE": "HDR", b"v/1\x01": "OpenEXR", b"\xff\x4f\xff\x51": "JPEG 2000",
+    b"\0\0\0\x0cjP": "JPEG 2000",
+}  # fmt: skip
+"""Kinds of images by their first bytes, so that their name can be told."""
 
 FOCAL_AGREEMENT = 0.1
 """A 35 mm equivalent is rounded to whole millimetres and to a nominal sensor: 10 % at worst."""
@@ -63,14 +80,15 @@ class Header:
         return size[::-1] if self.turned else size
 
 
-def read_photo_info(path: Path) -> PhotoInfo:
+def read_photo_info(path: Path, largest_mp: float = LARGEST_PHOTO_MP) -> PhotoInfo:
     """What the header of a jpg, png or tiff says; no pixel is decoded.
 
-    Raises InputError for a file that is missing, empty, broken or no such image.
+    Raises InputError for a file that is missing, empty, broken, no such image, or of more than
+    `largest_mp` million pixels.
     """
     try:
         with path.open("rb") as file:
-            header = header_of(path, file)
+            header = header_of(path, file, largest_mp)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
     width, height = header.upright_size
@@ -83,85 +101,107 @@ def read_photo_info(path: Path) -> PhotoInfo:
     )  # fmt: skip
 
 
-def header_of(path: Path, file: io.BufferedIOBase) -> Header:
-    """The header of an open image file; `path` is only for messages. Raises InputError."""
-    start = file.read(16)
+def header_of(
+    path: Path, file: io.BufferedIOBase, largest_mp: float, what: str = "photo"
+) -> Header:
+    """The header of an open image file; `path` and `what` (photo or mask) are only for messages.
+
+    Raises InputError.
+    """
+    start = file.read(64)
     file.seek(0)
     if not start.strip(b"\0 \t\r\n"):
-        raise InputError(f"{path}: the photo is empty; copy it again")
-    if start[:4] in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
-        return _tiff_header(path, file)
-    return _pillow_header(path, file)
+        raise InputError(f"{path}: the {what} is empty; copy it again")
+    if start[:4] in MAGIC:
+        header = _tiff_header(path, file, what)
+    elif start[:3] == b"\xff\xd8\xff" or start[:4] == b"\x89PNG":
+        header = _pillow_header(path, file, what)
+    else:
+        raise InputError(f"{path}: {_what_else(start)}")
+    _check_size(path, header.width, header.height, largest_mp)
+    return header
 
 
-def _pillow_header(path: Path, file: io.BufferedIOBase) -> Header:
+def _check_size(path: Path, width: int, height: int, largest_mp: float) -> None:
+    if width * height > largest_mp * 1e6:
+        raise InputError(
+            f"{path}: {width} x {height} pixels are {width * height / 1e6:.0f} million, and"
+            f" {largest_mp:g} are read at most; reduce the photo, or set largest_photo_mp"
+        )
+    if max(width, height) > LONGEST_SIDE_PX:
+        raise InputError(
+            f"{path}: {width} x {height} pixels, and sides of {LONGEST_SIDE_PX} are read at most;"
+            " reduce the photo"
+        )
+
+
+def _what_else(start: bytes) -> str:
+    """A sentence about a file that is no jpg, png or tiff."""
+    kind = next((name for magic, name in OTHER_IMAGES.items() if start.startswith(magic)), None)
+    if start[4:8] == b"ftyp":
+        kind = "HEIC or AVIF"
+    if kind:
+        return f"a {kind} image; convert it to jpg, png or tiff"
+    is_text = start.isascii() and b"\0" not in start
+    return f"not a jpg, png or tiff photo but {'text' if is_text else 'an unknown format'}"
+
+
+def _pillow_header(path: Path, file: io.BufferedIOBase, what: str) -> Header:
     from PIL import Image  # noqa: PLC0415
 
-    Image.MAX_IMAGE_PIXELS = None  # photos of 200 megapixels are no attack
+    Image.MAX_IMAGE_PIXELS = None  # `_check_size` has the limit
     try:
-        with quiet():
-            image = Image.open(file)
-    except (OSError, ValueError, SyntaxError) as error:
-        raise InputError(f"{path}: {_broken(file, error)}") from None
-    kind = "JPEG" if image.format == "MPO" else image.format
-    if kind not in ("JPEG", "PNG"):
-        raise InputError(f"{path}: a {kind} image; convert it to jpg, png or tiff")
+        with quiet(), foreign_parser():
+            image = Image.open(file, formats=("JPEG", "PNG"))
+    except Broken as error:
+        raise InputError(f"{path}: the {what} is damaged ({error}); copy it again") from None
+    kind = "PNG" if image.format == "PNG" else "JPEG"
     channels = {"C": 4, "L": 1, "1": 1, "I": 1}.get(image.mode[0], 3)
-    profile = image.info.get("icc_profile") or b""
+    profile = image.info.get("icc_profile")
     block = image.info.get("exif") or b"" if kind == "JPEG" else _png_exif(file)
     return _header(kind, (*image.size, channels), profile, *_exif(lambda: _directories(block)))
 
 
-def _tiff_header(path: Path, file: io.BufferedIOBase) -> Header:
-    """By hand down to the tags: Pillow refuses many a TIFF for its pixels."""
-    tags, photo = _exif(lambda: _tiff_directories(file))
-    size = (tags.get(256, 0), tags.get(257, 0))
-    if not all(isinstance(side, int) and side > 0 for side in size):
-        raise InputError(f"{path}: a damaged TIFF file (its header tells no size); copy it again")
-    channels = {0: 1, 1: 1, 5: 4}.get(tags.get(262, 2), 3)
-    return _header("TIFF", (*size, channels), tags.get(ICC_PROFILE, b""), tags, photo)
-
-
-def _tiff_directories(file: io.BufferedIOBase) -> tuple[Tags, Tags]:
-    from PIL.TiffImagePlugin import ImageFileDirectory_v2  # noqa: PLC0415
-
-    head = file.read(8)
-    if b"+" in head[2:4]:  # BigTIFF
-        head += file.read(8)
-    found: list[Tags] = []
-    offset = ImageFileDirectory_v2(head).next
-    while offset is not None:
-        directory = ImageFileDirectory_v2(head)
-        file.seek(offset)
-        directory.load(file)
-        found.append(dict(directory))
-        offset = found[0].get(EXIF_IFD) if len(found) == 1 else None
-    return found[0], (*found, {})[1]
+def _tiff_header(path: Path, file: io.BufferedIOBase, what: str) -> Header:
+    try:
+        with foreign_parser(), photo_page(file) as (page, first, note):
+            size = (int(page.imagewidth), int(page.imagelength))
+            channels = {0: 1, 1: 1, 5: 4}.get(int(page.photometric), 3)
+            tags, photo = _exif(lambda: directories(page, first))
+    except Broken as error:
+        told = f"the {what} is a damaged TIFF file ({error}); copy it again"
+        raise InputError(f"{path}: {told}") from None
+    if min(size) < 1:
+        raise InputError(f"{path}: the {what} is a damaged TIFF file without a size; copy it again")
+    return _header("TIFF", (*size, channels), tags.get(ICC_PROFILE), tags, photo, note)
 
 
 def _header(
-    kind: str, shape: tuple[int, int, int], profile: bytes,
-    tags: Mapping[int, Any], exif: Mapping[int, Any],
+    kind: str, shape: tuple[int, int, int], given: Any,
+    tags: Mapping[int, Any], exif: Mapping[int, Any], note: str = "",
 ) -> Header:  # fmt: skip
     orientation = tags.get(ORIENTATION, 1)
     if orientation not in range(1, 9):
         orientation = 1
+    profile = given if isinstance(given, bytes) else b"-" if given else b""
     if not profile and exif.get(COLOR_SPACE) == 0xFFFF and exif.get(INTEROP_INDEX) == "R03":
         profile = adobe_rgb()  # DCF 2.0: how cameras mark Adobe RGB without embedding a profile
-    notes: tuple[str, ...] = ()
-    if profile and not usable(bytes(profile), shape[2]):
-        profile, notes = b"", ("its color profile is broken or of another kind: sRGB is assumed",)
+    notes = (note,) if note else ()
+    if profile and not usable(profile, shape[2]):
+        broken = "its color profile is broken or of another kind: sRGB is assumed"
+        profile, notes = b"", (*notes, broken)
     if shape[2] == 4 and not profile:
         notes = (*notes, "CMYK without a color profile: colors are a guess")
-    return Header(kind, *shape, orientation, bytes(profile), tags, exif, notes)
+    return Header(kind, *shape, int(orientation), profile, tags, exif, notes)
 
 
 def _exif(load: Callable[[], tuple[Tags, Tags]]) -> tuple[Tags, Tags]:
     """Main and photo directory; what is broken in them is left out: they are a nicety only."""
     with quiet():
         try:
-            return load()
-        except (OSError, ValueError, SyntaxError, KeyError, TypeError, struct.error):
+            with foreign_parser():
+                return load()
+        except Broken:
             return {}, {}
 
 
@@ -187,18 +227,9 @@ def _png_exif(file: io.BufferedIOBase) -> bytes:
     while len(head := file.read(8)) == 8:
         length, kind = struct.unpack(">I4s", head)
         if kind == b"eXIf":
-            return file.read(length)
+            return file.read(min(length, MOST_EXIF_BYTES))
         file.seek(length + 4, io.SEEK_CUR)
     return b""
-
-
-def _broken(file: io.BufferedIOBase, error: Exception) -> str:
-    file.seek(0)
-    head = file.read(64)
-    if head[:3] == b"\xff\xd8\xff" or head[:4] == b"\x89PNG":
-        return f"the photo is damaged ({' '.join(str(error).split())[:80]}); copy it again"
-    kind = "text" if head.isascii() and b"\0" not in head else "an unknown format"
-    return f"not a jpg, png or tiff photo but {kind}"
 
 
 def _number(values: Mapping[int, Any], tag: int) -> float | None:
@@ -208,7 +239,7 @@ def _number(values: Mapping[int, Any], tag: int) -> float | None:
         value = value[0] if value else None
     try:
         number = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError, ZeroDivisionError):
+    except (TypeError, ValueError, ZeroDivisionError, OverflowError):
         return None
     return number if math.isfinite(number) and number > 0 else None
 
@@ -231,10 +262,14 @@ def _focal(header: Header) -> tuple[float | None, tuple[str, ...]]:
         scale = width / recorded
         by_plane = focal_mm * resolution / unit * scale
     if by_plane and by_35mm and abs(by_plane / by_35mm - 1) > FOCAL_AGREEMENT:
-        return by_35mm, (*notes, "the two focal lengths in EXIF disagree: the 35 mm one is used")
-    if not (by_plane or by_35mm):
+        by_plane = None
+        notes = (*notes, "the two focal lengths in EXIF disagree: the 35 mm one is used")
+    low, high = (bound * max(header.width, header.height) for bound in FOCAL_OVER_SIDE)
+    focal_px = by_plane or by_35mm
+    if focal_px is None or not low <= focal_px <= high:
         notes = (*notes, "EXIF tells no focal length that could be turned into pixels")
-    return by_plane or by_35mm, notes
+        return None, notes
+    return focal_px, notes
 
 
 def _exposed_size(header: Header) -> tuple[float, float, str]:
@@ -253,7 +288,7 @@ def _exposed_size(header: Header) -> tuple[float, float, str]:
 def _body(header: Header) -> str:
     """Maker, model and serial number, each once."""
     make, model, serial = (
-        str(values.get(tag) or "").strip(" \0")
+        excerpt(str(values.get(tag) or "").strip(" \0"), LONGEST_BODY)
         for values, tag in ((header.tags, MAKE), (header.tags, MODEL), (header.exif, 0xA431))
     )
     if make and model.lower().startswith(make.lower()):
@@ -265,6 +300,9 @@ def _exposure_ev(header: Header) -> float | None:
     """log2(t ISO / (100 N^2)): the light that reaches the file, in stops."""
     of = partial(_number, header.exif)
     time_s, f_number, iso = of(0x829A), of(0x829D), of(0x8827)
-    if not (time_s and f_number and iso):
+    low, high = EXPOSURE_BOUNDS
+    if not (time_s and f_number and iso) or not all(
+        low <= value <= high for value in (time_s, f_number, iso)
+    ):
         return None
     return math.log2(time_s * iso / 100 / f_number**2)

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.formats.photos.raster import Values
 from texproj.photo import srgb_from_linear
 
-Values = NDArray[Any]
-"""uint8, uint16 or float32."""
 Floats = NDArray[np.float32]
 
 SRGB_PRIMARIES = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06)

@@ -12,54 +12,89 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.errors import InputError
-from texproj.formats.photos.decode import Raster, decode
+from texproj.formats.documents import read_bytes
+from texproj.formats.photos.decode import decode
 from texproj.formats.photos.header import Header, header_of
-from texproj.formats.photos.icc import Values, is_srgb, linear_from_profile
-from texproj.photo import Photo, PhotoInfo, linear_from_srgb
+from texproj.formats.photos.icc import is_srgb, linear_from_profile
+from texproj.formats.photos.raster import Raster, Values
+from texproj.photo import LARGEST_PHOTO_MP, Photo, PhotoInfo, linear_from_srgb
 
 Mask = NDArray[np.uint8]
 
+MOST_BYTES_PER_PIXEL = 64
+"""Of a file: four channels of double precision, and as much beside them."""
+
+BRIGHTEST = 1e6
+"""Linear light beyond this is no measurement; half floats end at 65504."""
+
 
 def read_photo(
-    path: Path, info: PhotoInfo, mask: Path | None = None, longest: int | None = None
+    path: Path,
+    info: PhotoInfo,
+    mask: Path | None = None,
+    longest: int | None = None,
+    largest_mp: float = LARGEST_PHOTO_MP,
 ) -> Photo:
     """Decode a photo, upright, at most `longest` pixels wide and high.
 
     sRGB photos of 8 bits stay uint8; all others become float32 linear light of the sRGB
-    primaries, values outside of 0..1 kept. `mask`: a stencil image of the upright photo's shape
-    (0 = never use), combined with the photo's own alpha. Raises InputError for damaged files
-    and for a stencil of another shape.
+    primaries, values outside of 0..1 kept; pixels that are no finite number are black and never
+    used. `mask`: a stencil image of the upright photo's shape (0 = never use), combined with the
+    photo's own alpha. Raises InputError for damaged files, for more than `largest_mp` million
+    pixels and for a stencil of another shape.
     """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    header = header_of(path, io.BytesIO(data))
-    raster = decode(path, data, header, longest)
+    data = read_bytes(path, _most_bytes(largest_mp))
+    header = header_of(path, io.BytesIO(data), largest_mp)
+    raster = decode(path, data, header, longest, "photo")
+    del data
     size = _target_size(*header.upright_size, longest)
-    pixels = _sized(_upright(_pixels(raster, header.profile), header), size)
-    alpha = None if raster.alpha is None else _stencil(raster.alpha)
-    stencils = []
-    if alpha is not None:
-        stencils.append(_upright(alpha, header))
+    upright = _upright(_pixels(raster, header.profile), header)
+    pixels, finite = _finite(_rgb(_sized(upright, size)))
+    if finite is not None and not finite.any():
+        raise InputError(f"{path}: no pixel of it is a finite number; export it again")
+    stencils = [] if finite is None else [finite]
+    if raster.alpha is not None:
+        stencils.append(_upright(_stencil(raster.alpha), header))
     if mask is not None:
-        stencils.append(_read_mask(mask, info))
+        stencils.append(_read_mask(mask, info, largest_mp))
     return Photo(info, pixels, _combined(stencils, size))
 
 
+def _most_bytes(largest_mp: float) -> int:
+    return int(largest_mp * 1e6 * MOST_BYTES_PER_PIXEL) + (64 << 20)
+
+
+def _finite(pixels: Any) -> tuple[Any, Mask | None]:
+    """The pixels with black in place of what is no number, and where they are numbers."""
+    if pixels.dtype == np.uint8:
+        return pixels, None
+    good = (np.abs(pixels) <= BRIGHTEST).all(axis=2)
+    if good.all():
+        return pixels, None
+    return np.where(good[..., None], pixels, np.float32(0)), good.astype(np.uint8) * 255
+
+
+def _rgb(pixels: Any) -> Any:
+    """(h, w) gray to three equal channels; gray stays one until here to save memory."""
+    return pixels if pixels.ndim == 3 else np.repeat(pixels[..., None], 3, axis=2)
+
+
 def _pixels(raster: Raster, profile: bytes) -> NDArray[np.uint8] | NDArray[np.float32]:
-    """(h, w, 3) uint8 sRGB or float32 linear."""
+    """(h, w, 3) or, for gray, (h, w) uint8 sRGB or float32 linear."""
     values = raster.values
     if profile and not is_srgb(profile):
         return linear_from_profile(values, profile)
     if values.shape[2] == 4:
         values = _rgb_of_cmyk(values)
-    values = np.repeat(values, 3, axis=2) if values.shape[2] == 1 else values
+    values = values[..., 0] if values.shape[2] == 1 else values
     if values.dtype == np.uint8:
         return np.ascontiguousarray(values)
     if values.dtype == np.uint16:
         return np.take(_linear_of_srgb16(), values)
-    return np.ascontiguousarray(values) if not profile else linear_from_srgb(np.maximum(values, 0))
+    if not profile:
+        return np.ascontiguousarray(values)
+    with np.errstate(over="ignore", invalid="ignore"):  # `_finite` takes what is no number
+        return linear_from_srgb(np.maximum(values, 0))
 
 
 def _rgb_of_cmyk(values: Values) -> Values:
@@ -98,42 +133,36 @@ def _sized(pixels: Any, size: tuple[int, int]) -> Any:
 
 
 def _stencil(values: NDArray[Any]) -> Mask:
-    """Any depth to uint8; what is not zero stays so."""
+    """Any depth to uint8; what is not zero stays so, what is no number becomes zero."""
     if values.dtype == np.uint8:
         return np.ascontiguousarray(values)
     full = 1.0 if values.dtype.kind == "f" else float(np.iinfo(values.dtype).max)
+    values = np.nan_to_num(values, nan=0.0) if values.dtype.kind == "f" else values
     return np.ceil(np.clip(values / full, 0, 1) * 255).astype(np.uint8)
 
 
-def _read_mask(path: Path, info: PhotoInfo) -> Mask:
-    """The stencil file, at its own size."""
-    try:
-        data = np.frombuffer(path.read_bytes(), np.uint8)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    flags = cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION
-    image = cv2.imdecode(data, flags) if len(data) else None
-    if image is None:
-        raise InputError(f"{path}: the mask is damaged or no image; make it again")
-    height, width = image.shape[:2]
+def _read_mask(path: Path, info: PhotoInfo, largest_mp: float) -> Mask:
+    """The stencil file, at its own size; its EXIF orientation is ignored."""
+    data = read_bytes(path, _most_bytes(largest_mp))
+    header = header_of(path, io.BytesIO(data), largest_mp, "mask")
+    width, height = header.width, header.height
     if abs(width * info.height - height * info.width) > max(info.width, info.height):
         raise InputError(
             f"{path}: the mask is {width} x {height}, but the upright photo {info.name}"
             f" is {info.width} x {info.height}; give it the same shape"
         )
-    return _mask_of_image(image)
+    return _mask_of_image(decode(path, data, header, None, "mask"))
 
 
-def _mask_of_image(image: NDArray[Any]) -> Mask:
+def _mask_of_image(raster: Raster) -> Mask:
     """Brightest color channel; with an alpha channel, where both let through.
 
     An image of one color says nothing by its color: there alpha speaks alone.
     """
-    channels = np.atleast_3d(image)
-    bright = _stencil(channels[..., :3].max(axis=2))
-    if channels.shape[2] != 4:
+    bright = _stencil(raster.values.max(axis=2))
+    if raster.alpha is None:
         return bright
-    alpha = _stencil(channels[..., 3])
+    alpha = _stencil(raster.alpha)
     return alpha if bright.min() == bright.max() else np.minimum(bright, alpha)
 
 

@@ -312,7 +312,11 @@ def _at_full_size(ties: Ties, to_full: float, source: Camera) -> Ties:
 
 
 def _spread_px(camera: Camera, points: Doubles, covariance: Doubles) -> float:
-    """Root mean square image deviation of the surface under the pose's covariance."""
+    """Root mean square image deviation of the surface under the pose's covariance; infinite where
+    that says nothing.
+    """
+    if not np.isfinite(covariance).all():
+        return float("inf")
     jacobian = projection_jacobian(camera, points)
     variance = jacobian @ covariance @ jacobian.transpose(0, 2, 1)
     return float(np.sqrt(np.trace(variance, axis1=1, axis2=2).mean()))

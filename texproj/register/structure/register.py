@@ -33,7 +33,7 @@ from texproj.register.structure.verdict import Verdict, judge
 from texproj.register.structure.view import Observation, StructureView
 from texproj.render import Render
 from texproj.solve.lm import LmFit
-from texproj.solve.reprojection import projection_jacobian
+from texproj.solve.reprojection import displacement_variance, projection_jacobian
 
 ROLLS_DEG = (-14.0, -7.0, 0.0, 7.0, 14.0)
 """Turns about the line of sight that are tried around the start."""
@@ -186,7 +186,7 @@ def _spread_px(
 ) -> float:
     """Standard deviation of the surface's image by the fit's covariance, pixels of the level."""
     jacobian = projection_jacobian(camera, seen.xyz_in_world, lens)
-    return float(np.sqrt(np.einsum("nip,pq,niq->n", jacobian, uncertainty, jacobian).mean()))
+    return float(np.sqrt(displacement_variance(jacobian, uncertainty).mean()))
 
 
 def _doubt(expected_px: float, camera: Camera, options: StructureOptions) -> str:

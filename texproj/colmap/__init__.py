@@ -1,0 +1,1 @@
+"""COLMAP as a program of its own: the only place that knows pycolmap."""

@@ -1,0 +1,1 @@
+"""Photos that know each other's places, as one block, put onto the mesh."""

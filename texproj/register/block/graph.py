@@ -1,0 +1,35 @@
+"""Which photos show the same, by what was matched between them (the correspondence graph of
+Franken et al., "Minimizing user intervention in registering 2D images to 3D models", The Visual
+Computer 2005, with features in place of clicks).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+
+@dataclass(frozen=True, eq=False)
+class PhotoGraph:
+    """Verified pairs of photos. matches: how many points both photos of a pair show, by the pair's
+    two names in alphabetical order.
+    """
+
+    matches: Mapping[tuple[str, str], int]
+
+    @cached_property
+    def _neighbors(self) -> Mapping[str, tuple[tuple[int, str], ...]]:
+        found: dict[str, list[tuple[int, str]]] = {}
+        for (a, b), count in self.matches.items():
+            found.setdefault(a, []).append((-count, b))
+            found.setdefault(b, []).append((-count, a))
+        return {name: tuple(sorted(near)) for name, near in found.items()}
+
+    def neighbors(self, name: str) -> tuple[str, ...]:
+        """The photos that show the same as `name`, those with most matches first."""
+        return tuple(other for _, other in self._neighbors.get(name, ()))
+
+    def count(self, a: str, b: str) -> int:
+        """How many points were matched between two photos, and verified."""
+        return self.matches.get((min(a, b), max(a, b)), 0)
