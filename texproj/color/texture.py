@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -95,7 +96,7 @@ def color_texture(
     failed = reasons(failures(found), projected.failed)
     quality = coverage(counts, sum(points.sizes)) | charted | per_alignment(names, found)
     quality |= {"photos": per_photo(names, light, focus, share, failed)}
-    quality |= {"lenses": per_lens(names, light)}
+    quality |= {"lenses": per_lens(names, light), "atlas": asdict(atlas.stats)}
     return Texture(atlas, tuple(pages), tuple(counts), quality, failed)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -176,6 +176,7 @@ def quality_of(mesh: Mesh, atlas: Atlas, labels: Labels) -> dict[str, Any]:
         "patches": len(np.unique(atlas.chart_of_face[labels >= 0])),
         "cut_for_overlap": atlas.stats.overlap_splits,
         "scale": round(atlas.stats.scale, 4),
+        "atlas": asdict(atlas.stats),
     }
 
 
