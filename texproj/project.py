@@ -24,7 +24,7 @@ from texproj.files import (
 )
 from texproj.formats.cameras import cameras_json, read_cameras
 from texproj.formats.correspondences import correspondences_csv, read_correspondences
-from texproj.formats.meshes import MESH_SUFFIXES, read_mesh
+from texproj.formats.meshes import MESH_SUFFIXES, read_mesh_file
 from texproj.formats.photos import PHOTO_SUFFIXES, read_photo, read_photo_info
 from texproj.intake import Found, find_masks, find_photos, find_picks, one_of
 from texproj.mesh import MeshSource
@@ -155,11 +155,13 @@ class Project:
     def load_mesh(self) -> MeshSource:
         """The mesh, read and repaired in memory. Raises InputError."""
         path = self.mesh_path
-        vertices, faces = read_mesh(path)
+        file = read_mesh_file(path)
         try:
-            return repair(vertices, faces)
+            source = repair(file.vertices, file.faces)
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
+        notes = tuple(f"{path}: {note}" for note in (*file.notes, *source.notes))
+        return replace(source, notes=notes)
 
     def photo_info(self, name: str) -> PhotoInfo:
         """What the photo's header says. Raises InputError."""
