@@ -181,10 +181,10 @@ class Comparison:
         steps = binned(edge if layer.edges else (gray - low) / (high - low), self.bins)
         joints = [joint_histogram(steps, shown, weight) for shown in layer.maps]
         if self.measure == "normalized":
-            told = sum(normalized_mutual_information(j) - 1 for j in joints)
+            shared = sum(normalized_mutual_information(j) - 1 for j in joints)
         else:
-            told = sum(mutual_information_bits(j) for j in joints)
-        return told * float(weight.mean())
+            shared = sum(mutual_information_bits(j) for j in joints)
+        return shared * float(weight.mean())
 
 
 def _outline_layers(images: GBuffer, level: PhotoLevel, exact: bool) -> list[Layer]:

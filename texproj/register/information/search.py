@@ -83,10 +83,10 @@ def objective(
     certain = np.log(2) * independent_samples(comparison)
 
     def value(step_px: Doubles) -> float:
-        told = certain * comparison.information(steps.at(step_px))
+        likelihood = certain * comparison.information(steps.at(step_px))
         if task.picks is None:
-            return told
-        return told - _pick_cost(task, moved(full, steps, step_px))
+            return likelihood
+        return likelihood - _pick_cost(task, moved(full, steps, step_px))
 
     return value
 
