@@ -58,7 +58,7 @@ class PhotoLevel:
 
     @classmethod
     def of(cls, photo: Photo, camera: Camera, longest_px: float, gradients: bool) -> PhotoLevel:
-        """camera: of the photo, any size; longest_px: of the reduced photo."""
+        """The photo reduced. camera: of the photo, any size; longest_px: of the reduced photo."""
         photo = photo.reduced(longest_px)
         gray = cv2.GaussianBlur(photo.gray(), (0, 0), BLUR_PX)
         edges = gradient_strength(gray)
@@ -107,7 +107,9 @@ def _projected(camera: Camera, xyz_in_world: Doubles) -> Doubles:
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """xyz_in_world: (n, 3); maps: what the mesh shows there, in bins; edges: to be compared with
+    """Points of the surface that are compared with the photo in the same way.
+
+    xyz_in_world: (n, 3); maps: what the mesh shows there, in bins; edges: to be compared with
     the photo's gradients, not its gray.
     """
 

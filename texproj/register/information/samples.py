@@ -28,7 +28,10 @@ rough comparison, in pixels for an exact one."""
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """xyz_in_world: (n, 3); values: per map an (n,) float32 array in 0..1."""
+    """Points of the surface and what a rendering shows there.
+
+    xyz_in_world: (n, 3); values: per map an (n,) float32 array in 0..1.
+    """
 
     xyz_in_world: Doubles
     values: tuple[NDArray[np.float32], ...]

@@ -69,7 +69,10 @@ class Task:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """camera: full size; information: bits at its end; evaluations: so far."""
+    """Where a search has come.
+
+    camera: full size; information: bits at its end; evaluations: so far.
+    """
 
     camera: Camera
     information: float

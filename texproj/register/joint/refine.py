@@ -65,7 +65,9 @@ with known cameras end at 0.6 .. 0.8 full pixels of 2832 and 3072, whatever the 
 
 @dataclass(frozen=True, eq=False)
 class Refined:
-    """cameras: full size, as given where nothing could be said; thrown_out: why, by number, for
+    """Cameras that were brought to agree with each other on the surface.
+
+    cameras: full size, as given where nothing could be said; thrown_out: why, by number, for
     those that contradict the others; tied: numbers of those that were solved;
     expected_error_px, motion_px: (n,) full-size pixels, NaN where not solved; quality: for the
     report.
