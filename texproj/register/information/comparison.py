@@ -14,7 +14,6 @@ from texproj.options import MutualInformationOptions
 from texproj.photo import Photo
 from texproj.register.information.samples import (
     Samples,
-    foreground,
     gradient_strength,
     outline_samples,
     surface_samples,
@@ -157,7 +156,7 @@ class Comparison:
         gray = level.sampled(_projected(here, surface.xyz_in_world))[:, 0]
         low, high = np.percentile(gray, (TAIL, 100 - TAIL))
         gray_range = (float(low), float(max(high, low + 1e-3)))
-        area = float(foreground(images).sum())
+        area = float(images.outside().sum())
         return cls(level, tuple(layers), area, gray_range, BINS, options.measure)
 
     @property
