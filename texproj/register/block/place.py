@@ -25,15 +25,15 @@ from texproj.register.block.propose import SCALE_BATCHES, Place, Proposer
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.block.scan import Scan
 from texproj.register.block.witnesses import LoadPhoto, Witness, called
-from texproj.register.structure.view import Render
+from texproj.render import Render
 
 Told = Callable[[str, float], None]
 """``told(what, share)``: what is being done and the share of all that is done, 0 .. 1; whoever
 listens may raise to stop the work."""
 
-ASKED, ASKED_AT_LAST = 5, 8
+ASKED, ASKED_AT_LAST = 4, 8
 """Photos that are asked about every place, and about the best."""
-TRIED = 6
+TRIED = 5
 """Places of a batch of scales that the photos are asked about, at most."""
 NEARBY = 0.2
 """Mean distance of the points, sizes of the block, from which the photos still lead home."""
@@ -106,8 +106,14 @@ class _Search:
         return self.proposer.gap(place, _best(found).place) < NEARBY
 
     def _worth_asking(self, places: list[Place], found: list[Judged]) -> list[Place]:
-        best = max([p.sight for p in places] + [j.place.sight for j in found], default=0.0)
-        return [p for p in places if p.sight >= WORTH_TRYING * best][:TRIED]
+        """The likely ones, and in any case one that is elsewhere."""
+        sights = [p.sight for p in places] + [j.place.sight for j in found]
+        least = WORTH_TRYING * max(sights, default=0.0)
+        likely = [p for p in places if p.sight >= least][:TRIED]
+        if not likely:
+            return []
+        elsewhere = [p for p in places if self.proposer.gap(p, likely[0]) >= NEARBY][:1]
+        return likely + [p for p in elsewhere if p not in likely]
 
     def _decided(self, found: list[Judged]) -> bool:
         """The photos are sure of one place, and another was tried."""
@@ -136,16 +142,16 @@ def _concluded(
             "(is it the same object? else pick 4 points in one photo)"
         )
     best = found[0]
-    others = [j.support for j in found[1:] if not same_place(search.witnesses, best, j)]
-    rival = max(others, default=0.0)
+    elsewhere = [j for j in found[1:] if not same_place(search.witnesses, best, j)]
+    rival = max((j.support for j in elsewhere), default=0.0)
     search.told("looking at details", 0.7)
     proposer = search.proposer
     sure = certainty(witnesses, best, proposer.cloud, proposer.scan.samples)
-    reason = _refusal(best.support, rival)
+    reason = _refusal(sure.support, rival)
     mirror = MirrorTest(0.0)
     if not reason:
         search.told("comparing with the mirror image", 0.8)
-        mirror = mirror_test(search.proposer, witnesses, best)
+        mirror = mirror_test(proposer, witnesses, ASKED, best)
     return BlockFit(
         world_from_block=sure.placed.world_from_block,
         sigma=sure.sigma,
@@ -153,13 +159,14 @@ def _concluded(
         focal_factor=float(np.exp(sure.placed.log_focal)),
         cameras=sure.placed.cameras(dict(zip(block.names, block.cameras, strict=True))),
         expected_error_percent=sure.expected_percent,
-        support=best.support,
+        support=sure.support,
         rival=rival,
         mirror_t=mirror.t,
         accepted=not reason and not mirror.refused,
         reason=reason or _mirror_reason(mirror),
         quality={
             "sight": best.place.sight,
+            "rival_sight": max((j.place.sight for j in elsewhere), default=0.0),
             "places_tried": len(found),
             "structure_percent": sure.structure_percent,
             "photos_asked": [w.name for w in witnesses],

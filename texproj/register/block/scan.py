@@ -29,7 +29,11 @@ class Scan:
     def of(cls, mesh: Mesh, seed: int = 0) -> Scan:
         surface, samples = Surface(mesh), ScanSamples.of(mesh, seed)
         local_from_world = Similarity(1.0, np.eye(3), -surface.offset)
-        return cls(samples, RayCaster(surface), local_from_world @ samples.world_from_unit)
+        return cls(
+            samples,
+            RayCaster(surface.xyz_in_local, mesh.faces),
+            local_from_world @ samples.world_from_unit,
+        )
 
     @property
     def surface(self) -> Doubles:
