@@ -335,7 +335,7 @@ def test_what_the_reader_says_is_told_when_nothing_can_be_taken(project, tmp_pat
     reference = "<reference>GEOGCS[]</reference></chunk>"
     path.write_text(path.read_text().replace("</chunk>", reference))
 
-    with pytest.raises(InputError, match="do not look at the mesh.*georeferenced"):
+    with pytest.raises(InputError, match=r"do not look at the mesh.*georeferenced"):
         take(project, path)
 
 
