@@ -5,6 +5,7 @@ import contextlib
 import re
 import shlex
 import shutil
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -80,6 +81,20 @@ def parse(line: str) -> None:
     words = shlex.split(line)
     if words[:1] == ["texproj"] and "..." not in line and "COMMAND" not in line:
         app.parse_args(words[1:], print_error=False, exit_on_error=False)
+
+
+def test_keys_at_the_top_of_project_toml_are_told():
+    """Those that belong to no table have no generated text: each is named, and its example holds."""
+    from texproj.settings import SECTIONS, Settings, read_settings
+
+    text = (CHECKOUT / "docs/settings.md").read_text().split("<!-- settings -->")[0]
+    said = dict(re.findall(r"^- `((\w+) = .*)`:", text, re.MULTILINE))
+    keys = {field.name for field in fields(Settings)} - {name.replace("-", "_") for name in SECTIONS}
+
+    assert set(said.values()) == keys
+    settings = read_settings("\n".join(said), "docs/settings.md")
+    assert settings.photos == Settings().photos
+    assert settings.largest_photo_mp == Settings().largest_photo_mp
 
 
 @pytest.mark.parametrize("path", PAGES, ids=id_of)
