@@ -4,8 +4,8 @@
 
 Prints for each scene: photos placed, points, their mean error (pixels of the reduced photos), the
 cameras' error after one similarity common to all (median image motion of the mesh's vertices,
-full-size pixels, median and largest photo), focal length against the reference, seconds, and megabytes of the
-process that runs COLMAP.
+full-size pixels, median and largest photo), focal length against the reference, seconds, and
+megabytes of the process that runs COLMAP.
 """
 
 from __future__ import annotations

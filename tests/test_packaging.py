@@ -158,7 +158,7 @@ def test_public_names_have_types(tmp_path):
     import texproj
 
     lines = ["import texproj", *(f"reveal_type(texproj.{name})" for name in texproj.__all__)]
-    wrong = ['name: int = texproj.Project.open', "texproj.no_such_name"]
+    wrong = ["name: int = texproj.Project.open", "texproj.no_such_name"]
     script = tmp_path / "script.py"
     script.write_text("\n".join([*lines, *wrong]) + "\n")
     done = subprocess.run(
