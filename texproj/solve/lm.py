@@ -47,8 +47,8 @@ class Problem(Protocol[X]):
 class Loss:
     """A robust loss rho of the squared length s of a whitened residual row, rho'(0) = 1.
 
-    l2: s itself; cauchy: scale^2 log(1 + s/scale^2); geman-mcclure: s / (1 + s/scale^2), smooth, and
-    constant in the end (Geman and McClure 1987).
+    l2: s itself; cauchy: scale^2 log(1 + s/scale^2); geman-mcclure: s / (1 + s/scale^2), smooth,
+    and constant in the end (Geman and McClure 1987).
     """
 
     kind: Literal["l2", "cauchy", "geman-mcclure"] = "l2"
