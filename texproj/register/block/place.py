@@ -66,7 +66,7 @@ def place_block(
     witnesses, broken = called(block, load_photo, render, scan.surface, ASKED_AT_LAST)
     if not witnesses:
         raise RegistrationError(next(iter(broken.values()), "the block has no photos"))
-    search = _Search(Proposer(cloud, scan), witnesses[:ASKED], told)
+    search = _Search(Proposer(cloud, scan, seed), witnesses[:ASKED], told)
     return _concluded(search.run(), search, block, witnesses, broken)
 
 
@@ -109,7 +109,7 @@ class _Search:
         """The likely ones, and in any case one that is elsewhere."""
         sights = [p.sight for p in places] + [j.place.sight for j in found]
         least = WORTH_TRYING * max(sights, default=0.0)
-        likely = [p for p in places if p.sight >= least][:TRIED]
+        likely = [p for p in places if p.sight >= least > 0][:TRIED]
         if not likely:
             return []
         elsewhere = [p for p in places if self.proposer.gap(p, likely[0]) >= NEARBY][:1]
