@@ -39,7 +39,7 @@ from texproj.formats.photos.header import read_photo_info
 from texproj.formats.photos.read import read_photo
 from texproj.mesh import Mesh, vertex_normals
 from texproj.photo import Photo
-from texproj.register.block import place as search
+from texproj.register.block import search
 from texproj.register.block.place import place_block
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.block.similarity import Similarity

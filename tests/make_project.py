@@ -26,7 +26,7 @@ from texproj.formats.models.ply import write_ply
 from texproj.mesh import Mesh
 from texproj.records import CameraRecord
 
-SEED = 0
+SEED = 1
 LONG_SIDE = 720
 FACES = 45_000
 TRUE_FACES = 250_000
@@ -39,7 +39,7 @@ VIEWS = (
     View(44, 22, ev=0.2),
 )
 PICKED, PICKS, PICK_SIGMA_PX = 2, 10, 0.7
-ROUGH, ROUGH_PX = 0, 15.0
+ROUGH, ROUGH_PX = 0, 12.0
 SETTINGS = """\
 # Settings of this project. Every key is optional; `texproj COMMAND --help` lists them all.
 mesh = "mesh/scan.ply"

@@ -13,7 +13,7 @@ from block_scenes import Wall, block_of, error_percent, mirrored, moved, random_
 
 from texproj.errors import RegistrationError
 from texproj.mesh import Mesh, vertex_normals
-from texproj.register.block import place
+from texproj.register.block import search
 from texproj.register.block.block_fit import BlockFit
 from texproj.register.block.cloud import CELL, Cloud
 from texproj.register.block.place import place_block
@@ -69,7 +69,7 @@ def test_the_right_place_is_found_from_any_frame(seed, monkeypatch):
     """Every photo is within .3 % of the width of the truth, accepted without any rival, and the
     error that is expected is of the size of the true one."""
     if seed > 1:  # the search over sizes was tested by the first
-        monkeypatch.setattr(place, "SCALE_BATCHES", ((FITTING,),))
+        monkeypatch.setattr(search, "SCALE_BATCHES", ((FITTING,),))
     fit, world_from_wall = right_case(seed)
     errors = errors_percent(fit, wall(0), world_from_wall)
 
@@ -84,7 +84,7 @@ def test_the_right_place_is_found_from_any_frame(seed, monkeypatch):
 def test_a_wrong_mesh_is_refused(which, monkeypatch):
     """Though the block is tried at exactly the size at which it fits the right one; the reason
     says what to do."""
-    monkeypatch.setattr(place, "SCALE_BATCHES", ((FITTING,),))
+    monkeypatch.setattr(search, "SCALE_BATCHES", ((FITTING,),))
     rng = np.random.default_rng(3)
     mesh = wall(1).mesh if which == "another wall" else mirrored(wall(0).mesh)
     try:

@@ -24,7 +24,7 @@ from texproj.files import (
 )
 from texproj.formats.cameras import cameras_json, read_cameras
 from texproj.formats.correspondences import correspondences_csv, read_correspondences
-from texproj.formats.meshes import MESH_SUFFIXES, read_mesh
+from texproj.formats.meshes import MESH_SUFFIXES, read_mesh_file
 from texproj.formats.photos import PHOTO_SUFFIXES, read_photo, read_photo_info
 from texproj.intake import Found, find_masks, find_photos, find_picks, one_of
 from texproj.mesh import MeshSource
@@ -155,11 +155,13 @@ class Project:
     def load_mesh(self) -> MeshSource:
         """The mesh, read and repaired in memory. Raises InputError."""
         path = self.mesh_path
-        vertices, faces = read_mesh(path)
+        file = read_mesh_file(path)
         try:
-            return repair(vertices, faces)
+            source = repair(file.vertices, file.faces)
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
+        notes = tuple(f"{path}: {note}" for note in (*file.notes, *source.notes))
+        return replace(source, notes=notes)
 
     def photo_info(self, name: str) -> PhotoInfo:
         """What the photo's header says. Raises InputError."""
@@ -262,6 +264,15 @@ class Project:
     def save_record(self, stage: str, name: str | None, record: dict[str, Any]) -> None:
         """Keep what a stage has to say about its run. Raises OutputError."""
         write_atomically(self.record_path(stage, name), json.dumps(record, indent=1))
+
+    def features_path(self) -> Path:
+        """The file in which features and matches of photos are kept from run to run. Raises
+        OutputError where there can be none.
+        """
+        folder = self.work / "block"
+        with staging(folder):
+            pass
+        return folder / "features.db"
 
     def load_array(self, key: str) -> NDArray[Any] | None:
         """The array cached under `key`, None if there is none."""

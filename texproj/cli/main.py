@@ -35,6 +35,10 @@ def _call(app: App, words: list[str]) -> int:
         return _refuse(words, f"{error} (see `texproj {_command(words)}--help`)")
     except TexprojError as error:
         return _refuse(words, str(error))
+    except ModuleNotFoundError as error:
+        if (error.name or "texproj").startswith("texproj"):
+            raise
+        return _refuse(words, _lacking(str(error.name)))
     except BrokenPipeError:
         raise
     except OSError as error:
@@ -52,6 +56,14 @@ def _refuse(words: list[str], sentence: str) -> int:
         talk.say_json({"error": sentence})
     talk.complain(" ".join(sentence.split()))
     return UNUSABLE
+
+
+def _lacking(package: str) -> str:
+    """Why a package may be missing, and how to get it."""
+    from texproj.doctor import missing_package  # noqa: PLC0415 - where nothing lacks, not needed
+
+    finding = missing_package(package)
+    return f"the package {package} is {finding.detail}; {finding.remedy}"
 
 
 def _told(error: OSError) -> str:

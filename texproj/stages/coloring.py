@@ -152,11 +152,31 @@ def usable_cameras(project: Project) -> tuple[dict[str, Camera], dict[str, str]]
                 f"{project.root / project.settings.photos}{nearest_name(name, project.photo_paths)}"
             )
             continue
+        if other := _other_shape(project, record):
+            failed[name] = other
+            continue
         cameras[name] = record.registered_camera
+    if failed and not cameras:
+        raise InputError("; ".join(failed.values()))
     if not cameras:
         hint = f"run `texproj register {project.root}` first"
         raise InputError(f"no photo of {project.root} is registered; {hint}")
     return cameras, failed
+
+
+def _other_shape(project: Project, record: CameraRecord) -> str:
+    """Why the camera cannot be this photo's: its width and height have another ratio."""
+    try:
+        info = project.photo_info(record.file)
+    except InputError as error:
+        return str(error)
+    difference = abs(record.width * info.height - record.height * info.width)
+    if difference <= max(info.width, info.height) + max(record.width, record.height):
+        return ""  # the same picture, maybe of another size, its sides rounded
+    return (
+        f"{project.cameras_path} says that {record.file} has {record.width} x {record.height}"
+        f" pixels, and upright it has {info.width} x {info.height}; register it again"
+    )
 
 
 def photo_set(project: Project, cameras: Mapping[str, Camera]) -> PhotoSet:

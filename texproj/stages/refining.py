@@ -27,6 +27,7 @@ from texproj.stages.entries import (
     start_of,
 )
 from texproj.stages.freshness import Freshness, Inputs, changed_inputs, file_inputs, options_inputs
+from texproj.stages.lenses import lens_of
 from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
 
@@ -165,23 +166,13 @@ def _refine(bench: Workbench, before: Mapping[str, CameraRecord], fixed: list[bo
     def load(number: int, longest: int) -> Photo:
         return project.load_photo(names[number], longest)
 
-    lenses = [_lens(project, name, record) for name, record in before.items()]
+    lenses = [lens_of(project, name, start_of(record)) for name, record in before.items()]
     options = project.settings.refine
 
     def render(camera: Camera) -> GBuffer:
         return bench.plain_scene.gbuffer(camera, CHANNELS)
 
     return refine(cameras, sigma, fixed, lenses, load, render, options)
-
-
-def _lens(project: Project, name: str, record: CameraRecord) -> str:
-    """What the photos taken through the same lens at the same zoom have in common."""
-    start = start_of(record)
-    if start is not None and start.intrinsics is not None:
-        return repr(start.intrinsics)
-    info = project.photo_info(name)
-    longer, shorter = max(info.width, info.height), min(info.width, info.height)
-    return repr((info.camera_body, longer, shorter, info.focal_px))
 
 
 def _camera(record: CameraRecord) -> Camera:

@@ -140,6 +140,7 @@ def _facts(bench: Workbench, records: dict[str, CameraRecord]) -> dict[str, Any]
             "vertices": len(source.mesh.vertices),
             "faces": len(source.mesh.faces),
             "repairs": source.repairs,
+            "notes": list(source.notes),
         },
         "refinement": _refinement(project, records),
         "photos": photos,
