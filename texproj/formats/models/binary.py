@@ -95,9 +95,11 @@ def required_extensions(path: Path) -> tuple[str, ...]:
             return ()
         text = file.read(struct.unpack("<I", head[12:16])[0])
     try:
-        return tuple(json.loads(text).get("extensionsRequired", ()))
-    except (ValueError, AttributeError):
+        content = json.loads(text)
+    except (ValueError, RecursionError):
         return ()
+    names = content.get("extensionsRequired") if isinstance(content, dict) else None
+    return tuple(n for n in names if isinstance(n, str)) if isinstance(names, list) else ()
 
 
 def _length(blob: Blob) -> int:

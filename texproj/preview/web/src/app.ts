@@ -3,6 +3,7 @@
 import * as THREE from "three";
 import * as api from "./api.ts";
 import { byId } from "./dom.ts";
+import type { Host } from "./host.ts";
 import { LayerLoader, showLegend } from "./layers.ts";
 import type { Vec2 } from "./lens.ts";
 import { center } from "./lens.ts";
@@ -11,11 +12,13 @@ import { loadTexture } from "./overlay.ts";
 import type { Look } from "./panel.ts";
 import { LAYERS, viewPanel } from "./panel.ts";
 import { showPhotos, worstFirst } from "./photolist.ts";
+import { PickHands } from "./pickhands.ts";
 import { PickMode } from "./pickmode.ts";
+import { pickPanel } from "./pickpanel.ts";
 import type { Layer } from "./surface.ts";
 import { Viewport } from "./viewport.ts";
 
-export class App {
+export class App implements Host {
   readonly viewport = new Viewport(byId<HTMLCanvasElement>("model-canvas"));
   facts: api.Facts | null = null;
   chosen: string | null = null;
@@ -23,6 +26,7 @@ export class App {
     layer: "shaded", factor: "weights", exposure: 0, roughness: 0.55, light: [-0.35, 0.45], frustums: true, opacity: 1, wipe: 1,
   };
   readonly picking = new PickMode(this);
+  readonly hands = new PickHands(this.picking);
   private readonly loader = new LayerLoader(this.viewport.surface);
   private meshKey = "";
   private refreshing = false;
@@ -189,7 +193,7 @@ export class App {
   private showPanel(): void {
     const parts =
       this.mode === "pick"
-        ? this.picking.panel()
+        ? pickPanel(this.picking)
         : viewPanel(this.look, this.available(), this.photo, this.viewport.photoCamera !== null, {
             change: (part) => this.change(part),
             exitPhoto: () => this.exitPhoto(),

@@ -1,10 +1,10 @@
 // Mouse and keys of picking.
 
 import { byId } from "./dom.ts";
-import { at as placeOf, onClick, onPanZoom } from "./gestures.ts";
 import type { Vec2 } from "./lens.ts";
 import { notice } from "./notice.ts";
 import { showHelp } from "./help.ts";
+import { at as placeOf, onClick, onPanZoom } from "./pointer.ts";
 import type { PickMode, Side } from "./pickmode.ts";
 
 const LOUPE_ZOOM = 4;
@@ -23,7 +23,7 @@ interface Drag {
 }
 
 export class PickHands {
-  dragged: Drag | null = null;
+  private dragged: Drag | null = null;
   private side: Side = "photo";
   private loupeTimer = 0;
   private asking = false;
@@ -93,6 +93,7 @@ export class PickHands {
     (event.currentTarget as HTMLElement).setPointerCapture(event.pointerId);
     const offset: Vec2 = [mark.at[0] - at[0], mark.at[1] - at[1]];
     this.dragged = { side, name: mark.pick.name, started: false, from: at, offset };
+    this.mode.dragging = true;
     this.mode.select(mark.pick.name);
   }
 
@@ -111,6 +112,7 @@ export class PickHands {
     if (!drag) return;
     event.stopPropagation();
     this.dragged = null;
+    this.mode.dragging = false;
     if (drag.started) this.mode.settle();
   }
 
