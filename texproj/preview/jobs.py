@@ -100,7 +100,8 @@ class Jobs:
     def start(
         self, kind: str, title: str, work: Work, subject: str = ""
     ) -> tuple[Job, Future[Any]]:
-        """Queue `work`, or give back the job of the same kind and subject that waits or runs.
+        """Queue `work`, or give back the job of the same kind and subject that waits or runs; a
+        sentence that `work` returns is told on the page.
 
         Raises TooManyJobs.
         """
@@ -153,7 +154,7 @@ class Jobs:
             LOG.exception("%s failed", job.title)
             self._end(job, "failed", INTERNAL)
             raise
-        self._end(job, "done", "")
+        self._end(job, "done", result if isinstance(result, str) else "")
         return result
 
     def _listener(self, job: Job) -> Progress:

@@ -101,10 +101,12 @@ def predict_on_photo(
 
 
 def _seen(surface: Surface, camera: Camera, xy_px: NDArray[np.float64]) -> Hit | None:
+    """The front of the surface at a pixel, None where there is none or a back hides it."""
     origins, directions = camera.rays(xy_px[None])
     if not np.isfinite(directions).all():
         return None
-    return surface.hit(origins[0], directions[0])
+    hit = surface.hit(origins[0], directions[0])
+    return None if hit is None or hit.back else hit
 
 
 def _moved(

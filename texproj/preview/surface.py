@@ -21,14 +21,17 @@ from texproj.render.rays import RayCaster
 
 @dataclass(frozen=True, eq=False)
 class Hit:
-    """A point of the surface. xyz: (3,) float64 world; normal: (3,) unit; face: its number."""
+    """A point of the surface. xyz: (3,) float64 world; normal: (3,) unit; face: its number; back:
+    whether it is seen from behind.
+    """
 
     xyz: NDArray[np.float64]
     normal: NDArray[np.float64]
     face: int
+    back: bool = False
 
     def as_dict(self) -> dict[str, Any]:
-        return {"xyz": self.xyz.tolist(), "normal": self.normal.tolist()}
+        return {"xyz": self.xyz.tolist(), "normal": self.normal.tolist(), "back": self.back}
 
 
 class Surface:
@@ -112,7 +115,8 @@ class Surface:
         xyz = self.points_on(face, origin[None], direction[None])[0]
         if not np.isfinite(xyz).all():
             return None
-        return Hit(xyz, self._normals[face[0]], int(face[0]))
+        normal = self._normals[face[0]]
+        return Hit(xyz, normal, int(face[0]), bool(direction @ normal > 0))
 
     def normals_of(self, faces: NDArray[np.int32]) -> NDArray[np.float64]:
         """(n, 3) unit normals of faces."""

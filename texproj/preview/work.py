@@ -45,25 +45,33 @@ def start(session: Session, kind: Any, photo: Any) -> Job:
     return session.start(kind, title, stage)[0]
 
 
-def _register(bench: Workbench, progress: Progress) -> Any:
-    return register_photos(bench, progress=progress)
+def _register(bench: Workbench, progress: Progress) -> str:
+    outcomes = register_photos(bench, progress=progress)
+    found = sum(not outcome.failed for outcome in outcomes)
+    return f"{found} of {len(outcomes)} photos are registered."
 
 
-def _color(bench: Workbench, progress: Progress) -> Any:
+def _color(bench: Workbench, progress: Progress) -> str:
     from texproj.stages.coloring import color_project  # noqa: PLC0415 - slow to import
 
-    return color_project(bench, progress)
+    color_project(bench, progress)
+    return "The model is colored."
 
 
-def _run(bench: Workbench, progress: Progress) -> Any:
+def _run(bench: Workbench, progress: Progress) -> str:
     from texproj.stages.running import run_project  # noqa: PLC0415 - slow to import
 
-    return run_project(bench, progress)
+    outcome = run_project(bench, progress)
+    if outcome.color is None:
+        return f"No model: {outcome.reason}."
+    used = len(outcome.photos) - len(outcome.failed)
+    left = f"; not used: {', '.join(outcome.failed)}" if outcome.failed else ""
+    return f"The model is made from {used} of {len(outcome.photos)} photos{left}."
 
 
 STAGES = {
     "register": ("Register photos", _register),
-    "color": ("Color the model", _color),
+    "color": ("Color model", _color),
     "run": ("Make the model", _run),
 }
 """Title and function of each stage that works on the whole project."""

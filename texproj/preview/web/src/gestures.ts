@@ -6,6 +6,8 @@ import { showHelp } from "./help.ts";
 import { at, onClick, onPanZoom } from "./pointer.ts";
 import { clamp } from "./view.ts";
 
+const ROLL_RAD = Math.PI / 12;
+
 /** Connect the model's canvas, the wipe handle and the keys. */
 export function connect(app: App): void {
   const { viewport } = app;
@@ -72,6 +74,7 @@ function key(app: App, event: KeyboardEvent): boolean {
   else if (event.key === "ArrowLeft" && inPhoto) neighbor(app, -1);
   else if (event.key === "ArrowRight" && inPhoto) neighbor(app, 1);
   else if (event.key === "f") inPhoto ? fit(app) : app.viewport.frame();
+  else if ((event.key === "[" || event.key === "]") && !inPhoto) app.viewport.roll(event.key === "[" ? -ROLL_RAD : ROLL_RAD);
   else if (event.key === "c") toggleCameras(app);
   else if (event.key === "p" && app.photo) void app.pick(app.photo);
   else if (/^[1-8]$/.test(event.key)) app.layerByNumber(Number(event.key));

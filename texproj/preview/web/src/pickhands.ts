@@ -126,7 +126,7 @@ export class PickHands {
     this.asking = true;
     const found = await this.mode.app.hit(at);
     this.asking = false;
-    if (found) this.mode.move(drag.name, { xyz: found.xyz, normal: found.normal }, false);
+    if (found && !found.back) this.mode.move(drag.name, { xyz: found.xyz, normal: found.normal }, false);
     if (found && this.dragged !== drag) this.mode.settle();
   }
 
@@ -134,8 +134,9 @@ export class PickHands {
     if (side === "photo") this.mode.place(side, this.mode.pane.toPhoto(at), null);
     else {
       const found = await this.mode.app.hit(at);
-      if (found) this.mode.place(side, null, found);
-      else notice("There is no surface there: click on the model.");
+      if (!found) notice("There is no surface there: click on the model.");
+      else if (found.back) notice("That is the back of the surface, drawn dark: turn the model and click on its front.");
+      else this.mode.place(side, null, found);
     }
   }
 
@@ -167,7 +168,7 @@ export class PickHands {
     }
     const at = mode.app.viewport.toScreen(pick.xyz!);
     const found = at && (await mode.app.hit([at[0] + dx, at[1] + dy]));
-    if (found) mode.move(name, { xyz: found.xyz, normal: found.normal });
+    if (found && !found.back) mode.move(name, { xyz: found.xyz, normal: found.normal });
   }
 
   private moveCursor(dx: number, dy: number): void {

@@ -15,6 +15,8 @@ import { freeName, fromSaved, History, isPair, merged, pairs, put, same, without
 export type Side = "photo" | "model";
 
 const FIT_FROM = 4;
+/** Screen pixels per photo pixel at which a residual of one pixel can be judged. */
+const CLOSE_SCALE = 1.5;
 const FIT_PAUSE_MS = 120;
 
 export class PickMode {
@@ -90,7 +92,7 @@ export class PickMode {
     drawMarks(byId("model-marks"), [], null);
     this.photo = null;
     this.app.viewport.exitPhoto();
-    this.app.applyLook();
+    this.app.change({ opacity: 1 }); // of picking, where the model is seen below the photo
     this.app.show();
   }
 
@@ -157,6 +159,16 @@ export class PickMode {
     this.guess = null;
     this.redraw();
     this.app.show();
+  }
+
+  /** Select a pick and bring it into the middle of both pictures. */
+  flyTo(name: string): void {
+    this.select(name);
+    const pick = this.selectedPick;
+    if (!pick) return;
+    if (pick.uv) this.pane.show(pick.uv, CLOSE_SCALE);
+    const { viewport } = this.app;
+    if (pick.xyz && !(viewport.photoCamera && this.linked && pick.uv)) viewport.showPoint(pick.xyz);
   }
 
   step(direction: 1 | -1): void {
