@@ -6,13 +6,9 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from texproj.camera import Camera
-from texproj.color.checker.fit import Checker
-from texproj.color.result import Texture, VertexColors
-from texproj.color.sampling.photo_set import PhotoSet
-from texproj.color.vertices import color_vertices
 from texproj.errors import InputError, OutputError, nearest_name
 from texproj.files import json_hash, staging
 from texproj.formats.cameras import camera_part
@@ -32,6 +28,11 @@ from texproj.stages.freshness import (
 from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
 from texproj.stages.writing import output_plan, write_texture, write_vertices
+
+if TYPE_CHECKING:
+    from texproj.color.checker.fit import Checker
+    from texproj.color.result import Texture, VertexColors
+    from texproj.color.sampling.photo_set import PhotoSet
 
 STAGE = "color"
 VERSION = 2
@@ -186,6 +187,7 @@ def _other_shape(project: Project, record: CameraRecord) -> str:
 
 def photo_set(project: Project, cameras: Mapping[str, Camera]) -> PhotoSet:
     """The photos of these cameras."""
+    from texproj.color.sampling.photo_set import PhotoSet  # noqa: PLC0415 - slow to load
 
     def read(name: str) -> Photo:
         return attended(name, partial(project.load_photo, name))
@@ -197,6 +199,7 @@ def _made(
     bench: Workbench, photos: PhotoSet, progress: Progress
 ) -> tuple[VertexColors | Texture, Write]:
     """The colors of the model, and what writes it into a folder and returns the file names."""
+    from texproj.color.vertices import color_vertices  # noqa: PLC0415 - slow to load
 
     def tell(done: int, total: int) -> None:
         progress(STAGE, done, total, "")
