@@ -192,7 +192,7 @@ def _concluded(
             motion = _motion(pairs.world[own], pivot) * pairs.px[own, None, None]
             noise2 = anchors[k].expected_error_px ** 2 + CORRELATED * scale**2 / own.sum()
             information += 7 * np.einsum("nij,nik->jk", motion, motion) / (own.sum() * noise2)
-    covariance: Doubles = np.linalg.pinv(information)
+    covariance = np.asarray(np.linalg.pinv(information), np.float64)
     return Anchored(
         world_from_block=place,
         sigma=np.sqrt(np.diag(covariance)),
