@@ -1,32 +1,30 @@
-"""Write the reference of commands and settings into README.md from the program itself.
+"""Write the reference of commands (README.md) and settings (docs/settings.md) from the program.
 
 python tests/make_reference.py
 """
 
 import re
-from dataclasses import fields
+import textwrap
+from dataclasses import Field, fields
 from pathlib import Path
+from typing import Any
 
 from pydantic import TypeAdapter
 
 from texproj.cli.commands import app
+from texproj.options import is_expert
 from texproj.settings import SECTIONS
 
-README = Path(__file__).resolve().parent.parent / "README.md"
-MARKERS = {
-    "commands": ("<!-- commands -->", "<!-- end of commands -->"),
-    "settings": ("<!-- settings -->", "<!-- end of settings -->"),
-}
+CHECKOUT = Path(__file__).resolve().parent.parent
+WIDTH = 100
 
 
 def commands() -> str:
-    """A table of the commands: what each does, and its example."""
-    lines = ["| command | what it does |", "|---|---|"]
+    """A table of the commands: what each does."""
+    lines = ["| `texproj ...` | what it does |", "|---|---|"]
     for name in command_names():
-        text = app[name].help or ""
-        first = text.split("\n\n")[0].replace("\n", " ").strip()
-        example = re.search(r"Example: (.*)", text)
-        lines.append(f"| `{example.group(1).strip()}` | {first} |")
+        first = (app[name].help or "").split("\n\n")[0].replace("\n", " ").strip()
+        lines.append(f"| `{name}` | {first} |")
     return "\n".join(lines)
 
 
@@ -36,26 +34,60 @@ def command_names() -> list[str]:
 
 
 def settings() -> str:
-    """A table of all settings: table of project.toml, key, default, meaning."""
-    lines = ["| table | key | default | meaning |", "|---|---|---|---|"]
+    """All settings that have a flag: by table of project.toml, with defaults and meanings."""
+    return _listed(lambda cls, option: not is_expert(cls, option.name))
+
+
+def expert_settings() -> str:
+    """The settings that only project.toml takes."""
+    return _listed(lambda cls, option: is_expert(cls, option.name))
+
+
+def _listed(shown: Any) -> str:
+    parts = []
     for section, cls in SECTIONS.items():
         described = TypeAdapter(cls).json_schema()["properties"]
-        for option in fields(cls):
-            text = " ".join(described[option.name]["description"].split()).replace("|", "\\|")
-            default = str(option.default).replace("|", "\\|")
-            lines.append(f"| [{section}] | {option.name} | {default} | {text} |")
-    return "\n".join(lines)
+        options = [option for option in fields(cls) if shown(cls, option)]
+        entries = [_entry(option, described[option.name]["description"]) for option in options]
+        if entries:
+            purpose = " ".join((cls.__doc__ or "").split())
+            parts.append("\n".join([f"### [{section}]", purpose, "", *entries]))
+    return "\n\n".join(parts)
 
 
-def updated(text: str) -> str:
-    """README's text with both tables made anew."""
-    for name, make in (("commands", commands), ("settings", settings)):
-        start, end = MARKERS[name]
-        before, rest = text.split(start)
-        _, after = rest.split(end)
-        text = f"{before}{start}\n{make()}\n{end}{after}"
+def _entry(option: Field[Any], meaning: str) -> str:
+    text = f"- `{option.name} = {_toml(option.default)}`: {' '.join(meaning.split())}"
+    return textwrap.fill(text, WIDTH, subsequent_indent="  ", break_on_hyphens=False)
+
+
+def _toml(value: Any) -> str:
+    """A default as project.toml would say it."""
+    if value is None:
+        return "(none)"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_toml, value))}]"
+    return f'"{value}"' if isinstance(value, str) else str(value)
+
+
+GENERATED = {
+    "README.md": {"commands": commands},
+    "docs/settings.md": {"settings": settings, "expert settings": expert_settings},
+}
+"""What stands between `<!-- name -->` and `<!-- end of name -->` in which file."""
+
+
+def updated(name: str, text: str) -> str:
+    """The text of a file with its parts made anew."""
+    for part, make in GENERATED[name].items():
+        start, end = f"<!-- {part} -->", f"<!-- end of {part} -->"
+        text = re.sub(f"{start}.*{end}", lambda _, m=make, s=start, e=end: f"{s}\n{m()}\n{e}", text,
+                      flags=re.DOTALL)  # fmt: skip
     return text
 
 
 if __name__ == "__main__":
-    README.write_text(updated(README.read_text()))
+    for file in GENERATED:
+        path = CHECKOUT / file
+        path.write_text(updated(file, path.read_text()))

@@ -181,7 +181,9 @@ def test_a_photo_that_cannot_be_read_is_left_out(renderer):
     photos = [None, *(picture(c) for c in cameras[1:])]
     texture = patched(mesh, photos, cameras, renderer)
     assert texture.failed == {"0": "photo 0 is damaged"}
-    assert [row["file"] for row in texture.quality["photos"]] == [str(number) for number in range(1, len(VIEWS))]
+    assert [row["file"] for row in texture.quality["photos"]] == [
+        str(number) for number in range(1, len(VIEWS))
+    ]
     assert error(mesh, texture).max() < 0.012
 
 
@@ -238,7 +240,7 @@ def test_only_photos_that_show_a_face_are_chosen():
     hidden = np.sort(hidden, axis=1)
     views = FaceViews(
         np.where(hidden, -1, views.photo), np.where(hidden, np.inf, views.cost),
-        views.to_consensus, np.full(len(mesh.faces), 60.0, np.float32), views.glimpse,
+        views.to_consensus, np.full(len(mesh.faces), 60.0, np.float32), views.partly,
         views.outlier,
     )  # fmt: skip
     graph = dual_graph(mesh)

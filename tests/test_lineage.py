@@ -11,7 +11,7 @@ from texproj.cli import main
 from texproj.photo import Correspondences
 from texproj.project import Project
 from texproj.records import CameraRecord
-from texproj.stages.entries import in_order, resting_on
+from texproj.stages.lineage import Behind, in_order
 
 
 def command(capsys, *words) -> dict:
@@ -123,7 +123,7 @@ def test_a_replaced_picture_counts_too(folder, capsys):
 
 def found(name: str, *through: str) -> CameraRecord:
     quality = {"through": list(through)}
-    return CameraRecord(name, 4, 3, None, None, "prior", "features", quality, {"start": None})
+    return CameraRecord(name, 4, 3, None, None, "prior", "features", quality, sought=True)
 
 
 def test_no_photo_rests_on_itself():
@@ -131,10 +131,10 @@ def test_no_photo_rests_on_itself():
     entries = {"a": found("a"), "b": found("b", "a"), "c": found("c", "b"), "d": found("d")}
     circle = {"a": found("a", "b"), "b": found("b", "a")}
 
-    assert resting_on("a", entries) == {"b", "c"}
+    assert Behind(entries.values()).of("a") == {"b", "c"}
     assert in_order(["c", "d", "b", "a"], entries) == ["d", "a", "b", "c"]
     assert in_order(["a", "b"], circle) == ["a", "b"]
-    assert resting_on("a", circle) == {"a", "b"}
+    assert Behind(circle.values()).of("a") == {"a", "b"}
 
 
 # --- refinement switched off later

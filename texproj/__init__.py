@@ -7,16 +7,28 @@ The stage functions are the Python interface::
     project = texproj.create_project(Path("statue"), Path("scan.ply"), [Path("DCIM")], link=False)
     with texproj.Workbench(project) as bench:
         outcome = texproj.run_project(bench)
+
+docs/python.md tells more.
 """
 
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-try:
-    __version__ = version("texproj")
-except PackageNotFoundError:  # a bare checkout
-    __version__ = "0+checkout"
+from texproj.version import __version__
+
+if TYPE_CHECKING:
+    from texproj.camera import Camera, Intrinsics, Pose
+    from texproj.creation import create_project
+    from texproj.errors import TexprojError
+    from texproj.mesh import Mesh
+    from texproj.photo import Correspondences, Photo
+    from texproj.project import Project
+    from texproj.stages.bench import Workbench
+    from texproj.stages.coloring import color_project
+    from texproj.stages.refining import refine_project
+    from texproj.stages.registering import register_photos
+    from texproj.stages.reporting import report_project
+    from texproj.stages.running import project_status, run_project
 
 _HOMES = {
     "Camera": "texproj.camera",
@@ -37,11 +49,30 @@ _HOMES = {
     "project_status": "texproj.stages.running",
 }
 
-__all__ = ["__version__", *_HOMES]  # noqa: PLE0604 - names, loaded when asked for
+__all__ = [
+    "Camera",
+    "Correspondences",
+    "Intrinsics",
+    "Mesh",
+    "Photo",
+    "Pose",
+    "Project",
+    "TexprojError",
+    "Workbench",
+    "__version__",
+    "color_project",
+    "create_project",
+    "project_status",
+    "refine_project",
+    "register_photos",
+    "report_project",
+    "run_project",
+]
 
+if not TYPE_CHECKING:  # else every name would be there, as Any
 
-def __getattr__(name: str) -> Any:
-    """Load a public name when it is first used: `import texproj` itself costs nothing."""
-    if name not in _HOMES:
-        raise AttributeError(f"module 'texproj' has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name]), name)
+    def __getattr__(name: str) -> Any:
+        """Load a public name when it is first used: `import texproj` itself costs nothing."""
+        if name not in _HOMES:
+            raise AttributeError(f"module 'texproj' has no attribute {name!r}")
+        return getattr(import_module(_HOMES[name]), name)

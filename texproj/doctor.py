@@ -1,11 +1,12 @@
-"""What this machine offers to texproj, what is missing and how to get it."""
+"""What this machine offers, what is missing and how to get it."""
 
 from __future__ import annotations
 
 import ctypes
 import os
 import platform
-from dataclasses import dataclass
+import sys
+from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, requires, version
 from re import match
 
@@ -15,6 +16,11 @@ from texproj.render import open_renderer
 
 GL_LIBRARIES = {"libEGL.so.1": "libegl1", "libGL.so.1": "libgl1", "libOpenGL.so.0": "libopengl0"}
 """Shared libraries that OpenGL without a display and pymeshlab need, and their Debian packages."""
+
+LAST_WHEELS = {"xatlas": (3, 13)}
+"""Dependencies that come as source for newer Pythons than this, and need a compiler there."""
+
+COMPILER = "apt-get install --no-install-recommends g++ python3-dev"
 
 
 @dataclass(frozen=True)
@@ -31,6 +37,15 @@ def examine() -> list[Finding]:
     """Look at the machine: system, renderers, system libraries, packages."""
     system = f"Python {platform.python_version()} on {platform.platform()}, {os.cpu_count()} cores"
     return [Finding("system", True, system), *_libraries(), *_renderers(), *_packages()]
+
+
+def missing_package(name: str, python: tuple[int, int] = sys.version_info[:2]) -> Finding:
+    """What to say of a package that is not installed: why it may lack, and how to get it."""
+    newest = LAST_WHEELS.get(name)
+    if newest is None or python <= newest:
+        return Finding(name, False, "not installed", f"pip install {name}")
+    why = f"not installed: it has no wheel for Python {python[0]}.{python[1]} and must be compiled"
+    return Finding(name, False, why, f"{COMPILER}, then: pip install {name}")
 
 
 def _libraries() -> list[Finding]:
@@ -78,6 +93,9 @@ def _packages() -> list[Finding]:
         try:
             findings.append(Finding(name, True, version(name)))
         except PackageNotFoundError:
-            limit = ", where there is a package for this system" if ";" in requirement else ""
-            findings.append(Finding(name, False, "not installed", f"pip install {name}{limit}"))
+            finding = missing_package(name)
+            if ";" in requirement:
+                limit = f"{finding.remedy}, where there is a package for this system"
+                finding = replace(finding, remedy=limit)
+            findings.append(finding)
     return findings

@@ -6,7 +6,7 @@ Everything is read on demand and written to a temporary name, then renamed.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,16 +15,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.errors import InputError, UsageError, nearest_name
+from texproj.errors import InputError, UsageError, excerpt, nearest_name
 from texproj.files import (
     file_hash,
     remove_unfinished,
     staging,
     write_atomically,
 )
-from texproj.formats.cameras import cameras_json, read_cameras
+from texproj.formats.cameras import CameraFile, cameras_json, read_cameras
 from texproj.formats.correspondences import correspondences_csv, read_correspondences
-from texproj.formats.meshes import MESH_SUFFIXES, read_mesh
+from texproj.formats.meshes import MESH_SUFFIXES, read_mesh_file
 from texproj.formats.photos import PHOTO_SUFFIXES, read_photo, read_photo_info
 from texproj.intake import Found, find_masks, find_photos, find_picks, one_of
 from texproj.mesh import MeshSource
@@ -65,7 +65,13 @@ class Project:
 
     def with_settings(self, settings: Settings) -> Project:
         """The same folder with other settings; nothing is written."""
-        return replace(self, settings=settings)
+        return replace(self, settings=settings).with_hashes_of(self)
+
+    def with_hashes_of(self, other: Project | None) -> Project:
+        """The same project, which need not read again what `other` has read; itself for None."""
+        if other is not None:
+            vars(self)["_hashes"] = other._hashes
+        return self
 
     # --- what a person puts in
 
@@ -94,14 +100,30 @@ class Project:
 
     @cached_property
     def photo_paths(self) -> dict[str, Path]:
-        """The photos by file name, in the order of their names. Raises InputError for none."""
+        """The photos by file name, in the order of their names, less those that the settings leave
+        out. Raises InputError for none, UsageError where the settings leave out an unknown one.
+        """
         found = self._photos
         if not found.paths:
             kinds = ", ".join(s[1:] for s in PHOTO_SUFFIXES)
             said = "".join(f" ({note})" for note in found.notes)
             raise InputError(f"no photos in {self.photos}; put some there ({kinds}){said}")
-        refuse_same_stems(found.paths.values())
-        return dict(found.paths)
+        left_out = self._excluded(found.paths)
+        taken = {name: path for name, path in found.paths.items() if name not in left_out}
+        if not taken:
+            raise InputError(f"`exclude` in {self.root / SETTINGS_FILE} leaves out every photo")
+        refuse_same_stems(taken.values())
+        return taken
+
+    def _excluded(self, present: Collection[str]) -> set[str]:
+        """The photos that the settings leave out. Raises UsageError for one that is not there."""
+        for name in self.settings.exclude:
+            if name not in present:
+                raise UsageError(
+                    f"{self.root / SETTINGS_FILE}: exclude: no photo {excerpt(name)!r} in"
+                    f" {self.photos}{nearest_name(name, present)}"
+                )
+        return set(self.settings.exclude)
 
     @property
     def photos(self) -> Path:
@@ -114,11 +136,11 @@ class Project:
 
     @cached_property
     def _masks(self) -> Found:
-        return find_masks(self.root / "masks", self.photo_paths)
+        return find_masks(self.root / "masks", self._photos.paths)
 
     @cached_property
     def _picks(self) -> Found:
-        return find_picks(self.root / "correspondences", self.photo_paths)
+        return find_picks(self.root / "correspondences", self._photos.paths)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -139,11 +161,13 @@ class Project:
     def load_mesh(self) -> MeshSource:
         """The mesh, read and repaired in memory. Raises InputError."""
         path = self.mesh_path
-        vertices, faces = read_mesh(path)
+        file = read_mesh_file(path)
         try:
-            return repair(vertices, faces)
+            source = repair(file.vertices, file.faces)
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
+        notes = tuple(f"{path}: {note}" for note in (*file.notes, *source.notes))
+        return replace(source, notes=notes)
 
     def photo_info(self, name: str) -> PhotoInfo:
         """What the photo's header says. Raises InputError."""
@@ -183,31 +207,47 @@ class Project:
 
     def load_cameras(self) -> dict[str, CameraRecord]:
         """The entries of cameras.json by photo name; empty if there is no such file."""
-        if not self.cameras_path.exists():
-            return {}
-        return {record.file: record for record in read_cameras(self.cameras_path).records}
+        return {record.file: record for record in self._camera_file.records}
 
     def save_cameras(self, records: Iterable[CameraRecord]) -> None:
         """Write `records` over the entries of the same photos, keeping all others.
 
         Raises OutputError.
         """
-        path = self.cameras_path
-        old = read_cameras(path) if path.exists() else None
-        merged = {r.file: r for r in old.records} if old else {}
-        merged.update({record.file: record for record in records})
+        old = self._camera_file
+        merged = {record.file: record for record in (*old.records, *records)}
         ordered = [merged[name] for name in sorted(merged)]
-        write_atomically(path, cameras_json(ordered, old.extra if old else {}))
+        write_atomically(self.cameras_path, cameras_json(ordered, old.extra))
+
+    @property
+    def _camera_file(self) -> CameraFile:
+        """What cameras.json holds, parsed again only where another file stands there now."""
+        try:
+            stat = self.cameras_path.stat()
+        except (FileNotFoundError, NotADirectoryError):
+            return CameraFile([], {})
+        stamp = (stat.st_ino, stat.st_size, stat.st_mtime_ns)
+        if stamp not in self._parsed:
+            parsed = read_cameras(self.cameras_path)
+            self._parsed.clear()
+            self._parsed[stamp] = parsed
+        return self._parsed[stamp]
+
+    @cached_property
+    def _parsed(self) -> dict[tuple[int, int, int], CameraFile]:
+        """The last cameras.json that was read, by what tells it from others."""
+        return {}
 
     def save_registration(
-        self, records: Sequence[CameraRecord], stage: str, name: str | None, made: dict[str, Any]
+        self, records: Iterable[CameraRecord], stage: str, made: Mapping[str | None, Any]
     ) -> None:
-        """Write `records` to cameras.json and `made`, the record of how they came about: both, or,
-        where one cannot be written, neither. Raises OutputError.
+        """Write `records` to cameras.json and `made`, how they came about, by photo, or under None
+        for all together: both, or, where one cannot be written, neither. Raises OutputError.
         """
-        path = self.record_path(stage, name)
-        with staging(path.parent) as folder:
-            (folder / path.name).write_text(json.dumps(made, indent=1), encoding="utf-8")
+        paths = {self.record_path(stage, name): told for name, told in made.items()}
+        with staging(next(iter(paths)).parent) as folder:
+            for path, told in paths.items():
+                (folder / path.name).write_text(json.dumps(told, indent=1), encoding="utf-8")
             self.save_cameras(records)
 
     def check_writable(self, *folders: Path) -> None:
@@ -224,6 +264,10 @@ class Project:
     @property
     def work(self) -> Path:
         return self.root / "work"
+
+    @property
+    def log_folder(self) -> Path:
+        return self.work / "log"
 
     @property
     def out(self) -> Path:
@@ -245,6 +289,15 @@ class Project:
     def save_record(self, stage: str, name: str | None, record: dict[str, Any]) -> None:
         """Keep what a stage has to say about its run. Raises OutputError."""
         write_atomically(self.record_path(stage, name), json.dumps(record, indent=1))
+
+    def features_path(self) -> Path:
+        """The file in which features and matches of photos are kept from run to run. Raises
+        OutputError where there can be none.
+        """
+        folder = self.work / "block"
+        with staging(folder):
+            pass
+        return folder / "features.db"
 
     def load_array(self, key: str) -> NDArray[Any] | None:
         """The array cached under `key`, None if there is none."""

@@ -13,7 +13,11 @@ from numpy.typing import NDArray
 from texproj.camera import Camera, Intrinsics, Pose
 
 Status = Literal["registered", "prior", "failed"]
-Method = Literal["points", "mutual-information", "silhouette", "structure", "features", "import"]
+Method = Literal[
+    "points", "mutual-information", "silhouette", "structure", "features", "block", "import"
+]
+THROUGH = "through"
+"""Key of an entry's quality: the photos through which it was found, where it was."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +26,11 @@ class CameraRecord:
 
     intrinsics and pose may each be None: status "prior" can carry intrinsics alone, "failed"
     carries no pose. quality: numbers and words for the report; extra: keys of the file that
-    texproj does not know, kept as they are.
+    others wrote, kept as they are.
+
+    sought: texproj has sought this camera, and `start` is the one that it started from, if there
+    was one; else somebody else has written the entry. refinement: where all photos were refined
+    together since then, the way back.
     """
 
     file: str
@@ -34,6 +42,9 @@ class CameraRecord:
     method: Method | None = None
     quality: dict[str, Any] = field(default_factory=dict)
     extra: dict[str, Any] = field(default_factory=dict)
+    sought: bool = False
+    start: CameraRecord | None = None
+    refinement: Refinement | None = None
 
     @property
     def camera(self) -> Camera | None:
@@ -46,6 +57,28 @@ class CameraRecord:
     def registered_camera(self) -> Camera | None:
         """The camera, if it is vouched for: what color may use."""
         return self.camera if self.status == "registered" else None
+
+    @property
+    def through(self) -> tuple[str, ...]:
+        """The photos through which texproj found this camera; none if it stands on its own."""
+        if not self.sought or self.method != "features":
+            return ()
+        names = self.quality.get(THROUGH)
+        return tuple(n for n in names if isinstance(n, str)) if isinstance(names, list) else ()
+
+
+@dataclass(frozen=True, eq=False)
+class Refinement:
+    """What the joint refinement leaves beside the camera that it made.
+
+    own: the photo's own registration before it; camera: hash of the camera that it made, by which
+    a later edit of that by hand shows; asked: it was refined on request, while the settings had
+    it switched off.
+    """
+
+    own: CameraRecord
+    camera: str
+    asked: bool
 
 
 @dataclass(frozen=True, eq=False)

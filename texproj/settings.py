@@ -36,12 +36,14 @@ class Settings:
     """The settings of a project: one field for each table of project.toml.
 
     mesh: path of the mesh relative to the project, None = the one file in mesh/;
-    photos: folder of the photos; largest_photo_mp: million pixels of the largest photo or mask
+    photos: folder of the photos; exclude: names of photos in it that are left out of everything;
+    largest_photo_mp: million pixels of the largest photo or mask
     that is read.
     """
 
     mesh: str | None = None
     photos: str = DEFAULT_PHOTOS
+    exclude: tuple[str, ...] = ()
     largest_photo_mp: float = LARGEST_PHOTO_MP
     render: RenderOptions = field(default_factory=RenderOptions)
     register: RegisterOptions = field(default_factory=RegisterOptions)
@@ -74,9 +76,7 @@ def _table_of(field_name: str) -> str:
 
 
 SECTIONS: dict[str, Any] = {
-    _table_of(name): cls
-    for name, cls in get_type_hints(Settings).items()
-    if is_dataclass(cls)
+    _table_of(name): cls for name, cls in get_type_hints(Settings).items() if is_dataclass(cls)
 }
 """Tables of project.toml and the options that each holds."""
 
@@ -100,6 +100,8 @@ def read_settings(text: str, where: str) -> Settings:
     top: dict[str, Any] = {
         key: _path(data[key], f"{where}: {key}") for key in ("mesh", "photos") if key in data
     }
+    if "exclude" in data:
+        top["exclude"] = _names(data["exclude"], f"{where}: exclude")
     if "largest_photo_mp" in data:
         top["largest_photo_mp"] = _megapixels(data["largest_photo_mp"], where)
     tables: dict[str, Any] = {}
@@ -119,6 +121,12 @@ def _path(value: Any, where: str) -> str:
     if "\0" in value or max(len(part.encode()) for part in value.split("/")) > LONGEST_NAME:
         raise UsageError(f"{where} = {excerpt(value)!r} is no path that a file can have")
     return value
+
+
+def _names(value: Any, where: str) -> tuple[str, ...]:
+    if not (isinstance(value, list) and all(isinstance(name, str) for name in value)):
+        raise UsageError(f'{where} must be a list of photos, such as ["IMG_0007.jpg"]')
+    return tuple(value)
 
 
 def _megapixels(value: Any, where: str) -> float:

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 from cyclopts import App, Parameter
 
-from texproj import __version__
 from texproj.cli import talk
 from texproj.cli.exchange import export, import_
+from texproj.cli.exits import DONE
 from texproj.cli.flags import flags_for
 from texproj.cli.inspecting import factors
-from texproj.cli.main import DONE, SOME_FAILED, UNUSABLE
-from texproj.cli.shared import Folder, Json, Verbose, exit_code, matching, open_project
+from texproj.cli.runner import run_stage, tell
+from texproj.cli.shared import Folder, Json, Verbose, matching, open_project, project_at_work
 from texproj.creation import create_project
 from texproj.errors import UsageError
-from texproj.project import Project
 from texproj.settings import SECTIONS
+from texproj.version import __version__
 
 app = App(name="texproj", version=__version__, help=__doc__)
 app.help = (
@@ -88,43 +89,14 @@ def register(
 
     Example: texproj register statue --method points
     """
-    from texproj.stages.bench import Workbench  # noqa: PLC0415
+    from texproj.stages.outcomes import RegisterOutcome  # noqa: PLC0415
     from texproj.stages.registering import register_photos  # noqa: PLC0415
 
-    project = open_project(folder, flags, verbose)
-    names = matching(project, photos)
-    with Workbench(project) as bench, talk.progress_bars() as progress:
-        outcomes = register_photos(bench, names, progress)
-    if json:
-        talk.say_json({"photos": [_photo_json(o) for o in outcomes]})
-    else:
-        for outcome in outcomes:
-            talk.say(_photo_line(outcome))
-    failed = [o for o in outcomes if o.failed]
-    return exit_code(len(failed), len(outcomes), "registered")
-
-
-def _photo_json(outcome: Any) -> dict[str, Any]:
-    record = outcome.record
-    return {
-        "file": outcome.name,
-        "status": record.status,
-        "method": record.method,
-        "kept": outcome.kept,
-        "reason": outcome.reason,
-        "quality": record.quality,
-    }
-
-
-def _photo_line(outcome: Any) -> str:
-    record = outcome.record
-    if outcome.failed:
-        return f"{outcome.name}: FAILED: {outcome.reason}"
-    error = record.quality.get("expected_error_px")
-    accuracy = f", expected error {error:.1f} px" if error is not None else ""
-    note = f" ({outcome.reason})" if outcome.reason else ""
-    kept = "fresh, " if outcome.kept else ""
-    return f"{outcome.name}: {kept}{record.status} by {record.method}{accuracy}{note}"
+    with project_at_work(folder, flags, verbose, "register") as project:
+        names = matching(project, photos)
+        return run_stage(
+            project, json, lambda bench, tell: RegisterOutcome(register_photos(bench, names, tell))
+        )
 
 
 @app.command
@@ -140,17 +112,10 @@ def color(
 
     Example: texproj color statue --to texture
     """
-    from texproj.stages.bench import Workbench  # noqa: PLC0415
     from texproj.stages.coloring import color_project  # noqa: PLC0415
 
-    project = open_project(folder, flags, verbose)
-    with Workbench(project) as bench, talk.progress_bars() as progress:
-        outcome = color_project(bench, progress)
-    if json:
-        talk.say_json({**vars(outcome), "folder": str(project.out)})
-    else:
-        _say_color(project, outcome)
-    return exit_code(len(outcome.failed), len(outcome.failed) + len(outcome.used), "used")
+    with project_at_work(folder, flags, verbose, "color") as project:
+        return run_stage(project, json, color_project)
 
 
 @app.command
@@ -166,18 +131,10 @@ def refine(
 
     Example: texproj refine statue
     """
-    from texproj.stages.bench import Workbench  # noqa: PLC0415
     from texproj.stages.refining import refine_project  # noqa: PLC0415
 
-    project = open_project(folder, flags, verbose)
-    with Workbench(project) as bench, talk.progress_bars() as progress:
-        outcome = refine_project(bench, progress)
-    if json:
-        talk.say_json(vars(outcome))
-    else:
-        _say_refined(outcome)
-    total = len(outcome.moved_px) + len(outcome.thrown_out)
-    return exit_code(len(outcome.thrown_out), total, "refined")
+    with project_at_work(folder, flags, verbose, "refine") as project:
+        return run_stage(project, json, refine_project)
 
 
 @app.command
@@ -193,40 +150,10 @@ def run(
 
     Example: texproj run statue
     """
-    from texproj.stages.bench import Workbench  # noqa: PLC0415
     from texproj.stages.running import run_project  # noqa: PLC0415
 
-    project = open_project(folder, flags, verbose)
-    with Workbench(project) as bench, talk.progress_bars() as progress:
-        outcome = run_project(bench, progress)
-    if json:
-        color = vars(outcome.color) if outcome.color else None
-        refined = vars(outcome.refined) if outcome.refined else None
-        photos = [_photo_json(o) for o in outcome.photos]
-        report = [str(path) for path in outcome.report.files]
-        talk.say_json(
-            {
-                "photos": photos,
-                "refine": refined,
-                "color": color,
-                "report": report,
-                "reason": outcome.reason,
-                "unrefined": outcome.unrefined,
-            }
-        )
-    else:
-        for photo in outcome.photos:
-            talk.say(_photo_line(photo))
-        if outcome.unrefined:
-            names = ", ".join(outcome.unrefined)
-            talk.say(f"refinement is switched off: back to their own registration: {names}")
-        if outcome.color:
-            _say_color(project, outcome.color)
-        talk.say(f"report: {outcome.report.files[0]}")
-    if outcome.color is None:
-        talk.complain(outcome.reason)
-        return SOME_FAILED if outcome.failed else UNUSABLE
-    return exit_code(len(outcome.failed), len(outcome.photos), "used")
+    with project_at_work(folder, flags, verbose, "run") as project:
+        return run_stage(project, json, run_project)
 
 
 @app.command
@@ -235,17 +162,10 @@ def status(folder: Folder, /, *, json: Json = False, verbose: Verbose = False) -
 
     Example: texproj status statue
     """
-    from texproj.stages.running import project_status  # noqa: PLC0415
+    from texproj.stages.running import StatusOutcome, project_status  # noqa: PLC0415
 
-    states = project_status(open_project(folder, None, verbose))
-    if json:
-        talk.say_json({"items": [vars(state) for state in states]})
-        return DONE
-    for state in states:
-        word = "fresh" if state.fresh else "stale"
-        because = f": {state.reason}" if state.reason else ""
-        talk.say(f"{state.stage:9} {state.item:24} {word}{because}")
-    return DONE
+    project = open_project(folder, None, verbose)
+    return tell(project, StatusOutcome(project_status(project)), json)
 
 
 @app.command
@@ -261,18 +181,10 @@ def report(
 
     Example: texproj report statue
     """
-    from texproj.stages.bench import Workbench  # noqa: PLC0415
     from texproj.stages.reporting import report_project  # noqa: PLC0415
 
-    project = open_project(folder, flags, verbose)
-    with Workbench(project) as bench, talk.progress_bars() as progress:
-        outcome = report_project(bench, progress)
-    if json:
-        talk.say_json({"files": [str(path) for path in outcome.files]})
-    else:
-        for path in outcome.files:
-            talk.say(f"wrote {path}")
-    return DONE
+    with project_at_work(folder, flags, verbose, "report") as project:
+        return run_stage(project, json, report_project)
 
 
 @app.command
@@ -322,7 +234,14 @@ def demo(
 
 
 @app.command
-def doctor(*, json: Json = False) -> int:
+def doctor(
+    *,
+    bundle: Annotated[
+        Path | None,
+        Parameter(help="A project: also write DIR-report.zip, all that a report of a fault needs."),
+    ] = None,
+    json: Json = False,
+) -> int:
     """Tell what this machine offers, what is missing and how to get it.
 
     Example: texproj doctor
@@ -330,6 +249,8 @@ def doctor(*, json: Json = False) -> int:
     from texproj.doctor import examine  # noqa: PLC0415
 
     findings = examine()
+    if bundle is not None:
+        return _bundle(bundle, findings, json)
     if json:
         talk.say_json({"findings": [vars(finding) for finding in findings]})
         return DONE
@@ -341,26 +262,13 @@ def doctor(*, json: Json = False) -> int:
     return DONE
 
 
-def _say_refined(outcome: Any) -> None:
-    if outcome.kept:
-        talk.say("fresh, kept: nothing has changed since these cameras were refined")
-    for name, moved in outcome.moved_px.items() if not outcome.kept else ():
-        talk.say(f"{name}: moved by {moved:.2f} px")
-    for name in outcome.alone:
-        talk.say(f"{name}: stays as it is: no other photo shows enough of the same surface")
-    for name, reason in outcome.thrown_out.items():
-        talk.say(f"{name}: FAILED: {reason}")
+def _bundle(project: Path, findings: Sequence[Any], json: bool) -> int:
+    from texproj.bundle import write_bundle  # noqa: PLC0415
 
-
-def _say_color(project: Project, outcome: Any) -> None:
-    state = "fresh, kept" if outcome.kept else "wrote"
-    talk.say(f"{state}: {', '.join(str(project.out / name) for name in outcome.files)}")
-    chart = outcome.quality.get("checker")
-    if chart:
-        before, after = (chart["ciede2000"][when]["median"] for when in ("before", "after"))
-        talk.say(
-            f"color chart {chart['file']}: CIEDE2000 of its patches {before:.1f} -> {after:.1f};"
-            f" exposure: {chart['exposure']}"
-        )
-    for name, reason in outcome.failed.items():
-        talk.say(f"{name}: FAILED: {reason}")
+    target = Path(f"{project.resolve().name}-report.zip")
+    names = write_bundle(project, findings, target)
+    if json:
+        talk.say_json({"file": str(target), "holds": names})
+    else:
+        talk.say(f"wrote {target}: {len(names)} files, no photo, no mask, no mesh; look into it")
+    return DONE

@@ -9,9 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 from cyclopts import Parameter
 
 from texproj.cli import talk
+from texproj.cli.exits import DONE
 from texproj.cli.flags import flags_for
-from texproj.cli.main import DONE
-from texproj.cli.shared import Folder, Json, Verbose, exit_code, open_project
+from texproj.cli.shared import (
+    Folder,
+    Json,
+    Verbose,
+    exit_code,
+    open_project,
+    project_at_work,
+)
 
 SHOWN = 6
 """How many names a line lists."""
@@ -36,22 +43,27 @@ def import_(
     json: Json = False,
     verbose: Verbose = False,
 ) -> int:
-    """Take cameras from another program: COLMAP, Metashape, RealityScan, MeshLab, and others.
+    """Take cameras from another program: COLMAP, Metashape, RealityScan, MeshLab, others.
 
     Example: texproj import statue sparse/0
     """
     from texproj.stages.bench import Workbench  # noqa: PLC0415
     from texproj.stages.exchanging import import_cameras  # noqa: PLC0415
 
-    project = open_project(folder, flags, verbose)
-    with Workbench(project) as bench:
+    with (
+        project_at_work(folder, flags, verbose, "import") as project,
+        Workbench(project) as bench,
+    ):
         outcome = import_cameras(bench, file, as_, format)
     if json:
         talk.say_json(vars(outcome))
     else:
-        _say_import(outcome, as_)
+        _say_import(outcome)
     total = len(outcome.failed) + len(outcome.in_view)
-    return exit_code(len(outcome.failed), total, "given a camera")
+    doubted = len(outcome.failed) + len(outcome.starts)
+    return exit_code(
+        doubted, total, "given a camera to vouch for" if outcome.starts else "given a camera"
+    )
 
 
 def export(
@@ -69,7 +81,7 @@ def export(
 
     Example: texproj export statue --format colmap
     """
-    from texproj.stages.exchanging import export_cameras  # noqa: PLC0415
+    from texproj.stages.exporting import export_cameras  # noqa: PLC0415
 
     outcome = export_cameras(open_project(folder, None, verbose), format, to)
     if json:
@@ -81,10 +93,13 @@ def export(
     return DONE
 
 
-def _say_import(outcome: Any, status: str) -> None:
+def _say_import(outcome: Any) -> None:
     for name, share in outcome.in_view.items():
         note = f" ({outcome.notes[name]})" if name in outcome.notes else ""
-        talk.say(f"{name}: {status}, {100 * share:.0f} % of the mesh in the picture{note}")
+        word = "only a START" if name in outcome.starts else outcome.status[name]
+        talk.say(f"{name}: {word}, {100 * share:.0f} % of the mesh in the picture{note}")
+    for why, names in _by_note(outcome.starts).items():
+        talk.say(f"{_some(names)}: not vouched for: {why}; registration starts from there")
     for name, reason in outcome.failed.items():
         talk.say(f"{name}: FAILED: {reason}")
     if outcome.unmatched:

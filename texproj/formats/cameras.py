@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, TypeVar
@@ -21,12 +21,16 @@ from texproj.formats.camera_bounds import (
     checked_translation,
 )
 from texproj.formats.documents import read_json
-from texproj.records import CameraRecord, Method, Status
+from texproj.records import CameraRecord, Method, Refinement, Status
 
 FORMAT = "texproj-cameras"
 VERSION = 1
 ROTATION_TOLERANCE = 1e-4
 """Largest error of R @ R.T against the identity; six printed digits stay well below."""
+START_KEY = "start"
+"""Key of an entry under which the camera is kept that registration started from; null = none."""
+REFINED_KEY = "before_refine"
+"""Key of an entry under which the photo's own registration is kept when all were refined."""
 
 M = TypeVar("M", bound=BaseModel)
 Side = Annotated[int, Field(ge=1, le=MOST_SIDE_PX)]
@@ -69,6 +73,14 @@ class _Entry(BaseModel):
     t: Row | None = None
     method: Method | None = None
     quality: _Quality = _Quality()
+
+
+class _Refined(BaseModel):
+    """What stands under `REFINED_KEY`."""
+
+    entry: dict[str, Any]
+    refined: str
+    asked: bool = False
 
 
 class _File(BaseModel):
@@ -133,25 +145,74 @@ def record_of_entry(value: dict[str, Any], where: str = "camera") -> CameraRecor
     if entry.status == "failed" and entry.R is not None:
         raise InputError(f"{where}: a failed photo has no R and t (else: status 'prior')")
     quality = _kept(f"{where}: quality", entry.quality.model_dump(exclude_unset=True))
-    extra = _kept(where, entry.model_extra)
+    extra = dict(entry.model_extra or {})
+    sought = START_KEY in extra
+    start, refinement = extra.pop(START_KEY, None), extra.pop(REFINED_KEY, None)
     return CameraRecord(
         entry.file, entry.width, entry.height, _intrinsics(where, entry), _pose(where, entry),
-        entry.status, entry.method, quality, extra,
+        entry.status, entry.method, quality, _kept(where, extra),
+        sought, _start(where, entry.file, start), _refinement(where, entry.file, refinement),
     )  # fmt: skip
 
 
 def entry_of_record(record: CameraRecord) -> dict[str, Any]:
     """A record as its entry of `photos`, plain lists and numbers."""
-    entry: dict[str, Any] = {"file": record.file, "width": record.width, "height": record.height}
-    if record.intrinsics is not None:
-        entry |= {"K": record.intrinsics.K.tolist(), "dist": list(record.intrinsics.dist)}
-    if record.pose is not None and record.status != "failed":
-        entry |= {"R": record.pose.R.tolist(), "t": record.pose.t.tolist()}
+    entry: dict[str, Any] = {**record.extra}
+    if record.sought:
+        entry[START_KEY] = _start_entry(record.start)
+    if record.refinement is not None:
+        kept = record.refinement
+        own = entry_of_record(kept.own)
+        entry[REFINED_KEY] = {"entry": own, "refined": kept.camera, "asked": kept.asked}
+    entry |= {"file": record.file, "width": record.width, "height": record.height}
+    entry |= {key: value for key, value in camera_part(record).items() if value is not None}
     entry["status"] = record.status
     if record.method is not None:
         entry["method"] = record.method
     entry["quality"] = record.quality
-    return json.loads(json.dumps(record.extra | entry, allow_nan=False, default=_plain))
+    return json.loads(json.dumps(entry, allow_nan=False, default=_plain))
+
+
+def camera_part(record: CameraRecord) -> dict[str, Any]:
+    """What an entry says of the camera itself: K, dist, R, t, None where not known."""
+    intrinsics, pose = record.intrinsics, record.pose
+    if record.status == "failed":
+        pose = None
+    return {
+        "K": None if intrinsics is None else intrinsics.K.tolist(),
+        "dist": None if intrinsics is None else list(intrinsics.dist),
+        "R": None if pose is None else pose.R.tolist(),
+        "t": None if pose is None else pose.t.tolist(),
+    }
+
+
+def _start_entry(start: CameraRecord | None) -> dict[str, Any] | None:
+    if start is None:
+        return None
+    entry = entry_of_record(replace(start, sought=False, refinement=None))
+    return {key: value for key, value in entry.items() if key != "file"}
+
+
+def _start(where: str, file: str, value: Any) -> CameraRecord | None:
+    if value is None:
+        return None
+    return _nested(f"{where}: {START_KEY}", file, value, (START_KEY, REFINED_KEY))
+
+
+def _refinement(where: str, file: str, value: Any) -> Refinement | None:
+    if value is None:
+        return None
+    where = f"{where}: {REFINED_KEY}"
+    kept = _validated(_Refined, value, where)
+    return Refinement(_nested(where, file, kept.entry, (REFINED_KEY,)), kept.refined, kept.asked)
+
+
+def _nested(where: str, file: str, value: Any, without: tuple[str, ...]) -> CameraRecord:
+    """A record that is kept inside an entry, which may not hold more of its kind."""
+    if not isinstance(value, dict):
+        raise InputError(f"{where}: must be an entry as cameras.json has it; remove the key")
+    entry = {key: part for key, part in value.items() if key not in without}
+    return record_of_entry({**entry, "file": file}, where)
 
 
 def _kept(where: str, unknown: Mapping[str, Any] | None) -> dict[str, Any]:

@@ -54,7 +54,26 @@ def register_features(
 
     prior, options, surface: as for picked points. Raises RegistrationError.
     """
-    pairs = _pairs(features, known)
+    found = [pairs_with(features, other) for other in known]
+    return register_pairs(
+        info, found, [other.expected_error_px for other in known], prior, options, surface
+    )
+
+
+def register_pairs(
+    info: PhotoInfo,
+    found: Sequence[Correspondences],
+    errors_px: Sequence[float],
+    prior: Intrinsics | None,
+    options: PointsOptions | None = None,
+    surface: Doubles | None = None,
+) -> Fit:
+    """The camera of a photo from what it shares with each of some registered photos, and the
+    expected errors of their own registration, pixels.
+
+    prior, options, surface: as for picked points. Raises RegistrationError.
+    """
+    pairs = _some(found)
     if len(pairs) < LEAST_INLIERS:
         raise RegistrationError(
             f"only {len(pairs)} points of the photo are found in registered photos; pick 4 points, "
@@ -67,27 +86,29 @@ def register_features(
             f"the {len(pairs)} points found in registered photos do not agree on one camera; "
             "pick 4 points"
         ) from None
-    return _judged(fit, known)
+    return _judged(fit, errors_px)
 
 
-def _pairs(features: Features, known: Sequence[Known]) -> Correspondences:
-    """Pixels of the photo with points of the mesh, each pixel once."""
-    pixels, points = [np.zeros((0, 2))], [np.zeros((0, 3))]
-    for other in known:
-        use, xyz = surface_at(other.camera, other.depth, other.features.xy_px)
-        on_surface = Features(other.features.xy_px[use], other.features.descriptors[use])
-        matches = match_features(features, on_surface)
-        pixels.append(features.xy_px[matches[:, 0]])
-        points.append(xyz[matches[:, 1]])
-    xy, xyz = np.concatenate(pixels), np.concatenate(points)
+def pairs_with(features: Features, other: Known) -> Correspondences:
+    """Pixels of a photo with the points of the mesh that a registered one shows there."""
+    use, xyz = surface_at(other.camera, other.depth, other.features.xy_px)
+    on_surface = Features(other.features.xy_px[use], other.features.descriptors[use])
+    matches = match_features(features, on_surface)
+    return Correspondences(features.xy_px[matches[:, 0]], xyz[matches[:, 1]])
+
+
+def _some(found: Sequence[Correspondences]) -> Correspondences:
+    """All pairs, or so many of them as are enough."""
+    xy = np.concatenate([np.zeros((0, 2)), *(pairs.xy_px for pairs in found)])
+    xyz = np.concatenate([np.zeros((0, 3)), *(pairs.xyz_in_world for pairs in found)])
     chosen = np.random.default_rng(0).permutation(len(xy))[:MOST_PAIRS]
     return Correspondences(xy[chosen], xyz[chosen])
 
 
-def _judged(fit: Fit, known: Sequence[Known]) -> Fit:
+def _judged(fit: Fit, errors_px: Sequence[float]) -> Fit:
     """The fit with the others' errors in its own, and the verdict."""
     inliers, share = int(fit.inliers.sum()), float(fit.inliers.mean())
-    inherited = float(np.sqrt(np.mean([k.expected_error_px**2 for k in known])))
+    inherited = float(np.sqrt(np.mean(np.square(errors_px))))
     accepted = inliers >= LEAST_INLIERS and share >= LEAST_SHARE
     reason = "" if accepted else (
         f"only {inliers} of {len(fit.inliers)} points found in registered photos agree; "

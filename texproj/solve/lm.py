@@ -47,23 +47,32 @@ class Problem(Protocol[X]):
 class Loss:
     """A robust loss rho of the squared length s of a whitened residual row, rho'(0) = 1.
 
-    l2: s itself; cauchy: scale^2 log(1 + s/scale^2).
+    l2: s itself; cauchy: scale^2 log(1 + s/scale^2); geman-mcclure: s / (1 + s/scale^2), smooth,
+    and constant in the end (Geman and McClure 1987).
     """
 
-    kind: Literal["l2", "cauchy"] = "l2"
+    kind: Literal["l2", "cauchy", "geman-mcclure"] = "l2"
     scale: float = 1.0
 
     def cost(self, s: Doubles) -> Doubles:
         """(n,) rho(s)."""
         c2 = self.scale**2
-        return c2 * np.log1p(s / c2) if self.kind == "cauchy" else s
+        if self.kind == "cauchy":
+            return c2 * np.log1p(s / c2)
+        return s / (1 + s / c2) if self.kind == "geman-mcclure" else s
 
     def weight(self, s: Doubles) -> Doubles:
         """(n,) rho'(s): the weight of the squared residual."""
-        return 1 / (1 + s / self.scale**2) if self.kind == "cauchy" else np.ones_like(s)
+        c2 = self.scale**2
+        if self.kind == "cauchy":
+            return 1 / (1 + s / c2)
+        return 1 / (1 + s / c2) ** 2 if self.kind == "geman-mcclure" else np.ones_like(s)
 
     def curvature(self, s: Doubles) -> Doubles:
         """(n,) s rho''(s): how the weight falls as the residual grows."""
+        c2 = self.scale**2
+        if self.kind == "geman-mcclure":
+            return -2 * s / c2 / (1 + s / c2) ** 3
         weight = self.weight(s)
         return -weight * (1 - weight)
 
@@ -81,7 +90,9 @@ class LmOptions:
 
 @dataclass(frozen=True, eq=False)
 class LmFit(Generic[X]):
-    """x: the minimum; cost: sum of robust costs and squared priors; weights: (n,) of the rows;
+    """The end of a minimization.
+
+    x: the minimum; cost: sum of robust costs and squared priors; weights: (n,) of the rows;
     residual: (n, d) there; data_hessian, prior_hessian: (p, p) Gauss-Newton J'WJ, dense or
     sparse; scatter2: estimated variance factor of the residuals (1 = as whitened).
     """
@@ -98,7 +109,8 @@ class LmFit(Generic[X]):
     scatter2: float
 
     def covariance(self, scatter2: float | None = None) -> Doubles:
-        """(p, p) covariance of the delta at x; infinite where the data say nothing.
+        """(p, p) covariance of the delta at x; infinite everywhere where the data say nothing, or
+        nothing that can be computed.
 
         scatter2: the variance factor if known better than from the residuals of this fit.
         """
@@ -106,9 +118,13 @@ class LmFit(Generic[X]):
         hessian = self.data_hessian / max(factor, 1e-300) + self.prior_hessian
         dense = hessian.toarray() if _is_sparse(hessian) else hessian
         scale = np.sqrt(np.maximum(np.diag(dense), 1e-300))
-        values, vectors = np.linalg.eigh(dense / np.outer(scale, scale))
-        if values[0] < 1e-14 * len(values):
-            return np.full_like(dense, np.inf)
+        unknown = np.full(dense.shape, np.inf)
+        try:
+            values, vectors = np.linalg.eigh(dense / np.outer(scale, scale))
+        except np.linalg.LinAlgError:
+            return unknown
+        if not values[0] >= 1e-14 * len(values):
+            return unknown
         return (vectors / values) @ vectors.T / np.outer(scale, scale)
 
 

@@ -30,7 +30,9 @@ class Prior:
 
 @dataclass(frozen=True, eq=False)
 class Reprojection:
-    """xy_px: (n, 2); xyz_in_world: (n, 3); sigma_px: noise of xy_px, by which residuals are
+    """The problem of a camera whose projections of points shall meet their pixels.
+
+    xy_px: (n, 2); xyz_in_world: (n, 3); sigma_px: noise of xy_px, by which residuals are
     divided; free: intrinsics to solve; priors: on any of them.
     """
 
@@ -84,6 +86,15 @@ def projection_jacobian(
     out: Doubles = np.concatenate(columns, axis=2)
     out[behind] = 0
     return out
+
+
+def displacement_variance(jacobian: Doubles, covariance: Doubles) -> Doubles:
+    """(n,) variance, px^2, of the length of the displacement of points whose (n, 2, p) derivative
+    this is, under the (p, p) covariance; infinite where that says nothing.
+    """
+    if not np.isfinite(covariance).all():
+        return np.full(len(jacobian), np.inf)
+    return np.einsum("nip,pq,niq->n", jacobian, covariance, jacobian)
 
 
 def _intrinsic_column(every: Doubles, k: Intrinsics, name: str) -> Doubles:

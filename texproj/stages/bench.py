@@ -2,28 +2,51 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import cached_property
 from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from texproj.camera import Camera
 from texproj.mesh import Mesh, MeshSource
+from texproj.photo import Correspondences
 from texproj.project import Project
+from texproj.records import CameraRecord
 from texproj.render import GBuffer, Renderer, Scene, ambient_occlusion, open_renderer
+from texproj.stages.entries import camera_hash
 
 if TYPE_CHECKING:
     from texproj.register.features import Known
     from texproj.solve.features import Features
 
+K = TypeVar("K")
+V = TypeVar("V")
+
 SURFACE_SAMPLES = 2000
 FEATURES_LONGEST = 1280
 """Longer side, pixels, to which photos are reduced to find features."""
 REGISTRATION_CHANNELS = ("depth", "normal", "ao")
+
+
+class Recent(Generic[K, V]):
+    """The values of the latest keys, so that memory does not grow with the photos."""
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._values: dict[K, V] = {}
+
+    def of(self, key: K, make: Callable[[], V]) -> V:
+        """The value of `key`, made where it is not kept."""
+        value = self._values.pop(key) if key in self._values else make()
+        self._values[key] = value
+        while len(self._values) > self._most:
+            self._values.pop(next(iter(self._values)))
+        return value
 
 
 class Workbench:
@@ -32,7 +55,9 @@ class Workbench:
     def __init__(self, project: Project) -> None:
         self.project = project
         self._open = ExitStack()
-        self._features: dict[str, Features] = {}
+        self._features: Recent[str, Features] = Recent(128)
+        self._known: Recent[tuple[str, str], Known] = Recent(16)
+        self._pairs: Recent[tuple[str, str, str], Correspondences] = Recent(10_000)
 
     def __enter__(self) -> Workbench:
         return self
@@ -69,13 +94,22 @@ class Workbench:
     @cached_property
     def occlusion(self) -> NDArray[np.float32]:
         """(V,) ambient occlusion of the mesh, kept in work/ between runs."""
-        key = f"occlusion-{self.project.hash_of(self.project.mesh_path)}"
-        known = self.project.load_array(key)
-        if known is not None and known.shape == (len(self.mesh.vertices),):
+        known = self.kept_occlusion
+        if known is not None:
             return known
         values = ambient_occlusion(self.mesh)
-        self.project.save_array(key, values)
+        self.project.save_array(self._occlusion_key, values)
         return values
+
+    @property
+    def kept_occlusion(self) -> NDArray[np.float32] | None:
+        """(V,) ambient occlusion of an earlier run, None if there is none."""
+        known = self.project.load_array(self._occlusion_key)
+        return known if known is not None and known.shape == (len(self.mesh.vertices),) else None
+
+    @property
+    def _occlusion_key(self) -> str:
+        return f"occlusion-{self.project.hash_of(self.project.mesh_path)}"
 
     @cached_property
     def scene(self) -> Scene:
@@ -95,25 +129,39 @@ class Workbench:
 
     def features(self, name: str) -> Features:
         """The features of a photo, found at a reduced size, in full-size pixels."""
+        return self._features.of(name, lambda: self._found_features(name))
+
+    def _found_features(self, name: str) -> Features:
         from texproj.solve.features import find_features  # noqa: PLC0415 - slow to load
 
-        if name not in self._features:
-            photo = self.project.load_photo(name, FEATURES_LONGEST)
-            valid = None if photo.mask is None else photo.mask > 0
-            found = find_features(photo.gray(), valid)
-            to_full = photo.info.width / photo.width
-            self._features[name] = replace(found, xy_px=found.xy_px * to_full)
-        return self._features[name]
+        photo = self.project.load_photo(name, FEATURES_LONGEST)
+        valid = None if photo.mask is None else photo.mask > 0
+        found = find_features(photo.gray(), valid)
+        to_full = photo.info.width / photo.width
+        return replace(found, xy_px=found.xy_px * to_full)
 
-    def known(self, name: str, camera: Camera) -> Known:
+    def pairs(self, name: str, other: CameraRecord) -> Correspondences:
+        """Pixels of photo `name` with the points of the mesh that a registered one shows there."""
+        from texproj.register.features import pairs_with  # noqa: PLC0415 - slow to load
+
+        known = (other.file, camera_hash(other))
+        return self._pairs.of(
+            (name, *known),
+            lambda: pairs_with(
+                self.features(name), self._known.of(known, lambda: self._seen(other))
+            ),
+        )
+
+    def _seen(self, record: CameraRecord) -> Known:
         """A registered photo as others are compared with it."""
         from texproj.register.features import Known  # noqa: PLC0415 - slow to load
 
+        camera = record.registered_camera
+        assert camera is not None
         small = camera.reduced(FEATURES_LONGEST)
         depth = self.plain_scene.gbuffer(small, ("depth",)).require("depth")
-        record = self.project.load_cameras()[name]
         error = float(record.quality.get("expected_error_px") or 0)
-        return Known(camera, self.features(name), depth, error)
+        return Known(camera, self.features(record.file), depth, error)
 
     def render(self, camera: Camera) -> GBuffer:
         """Depth, normals and ambient occlusion from `camera`."""

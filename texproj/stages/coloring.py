@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from texproj.camera import Camera
-from texproj.color.checker.fit import Checker
-from texproj.color.result import Texture, VertexColors
-from texproj.color.sampling.photo_set import PhotoSet
-from texproj.color.vertices import color_vertices
 from texproj.errors import InputError, OutputError, nearest_name
 from texproj.files import json_hash, staging
-from texproj.formats.cameras import entry_of_record
+from texproj.formats.cameras import camera_part
+from texproj.photo import Photo
 from texproj.project import Project
 from texproj.records import CameraRecord
+from texproj.stages.attending import INTERNAL, NO_MEMORY, attended
 from texproj.stages.bench import Workbench
 from texproj.stages.checking import checker_of, checker_path
 from texproj.stages.freshness import (
@@ -26,8 +25,14 @@ from texproj.stages.freshness import (
     file_inputs,
     options_inputs,
 )
+from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
 from texproj.stages.writing import output_plan, write_texture, write_vertices
+
+if TYPE_CHECKING:
+    from texproj.color.checker.fit import Checker
+    from texproj.color.result import Texture, VertexColors
+    from texproj.color.sampling.photo_set import PhotoSet
 
 STAGE = "color"
 VERSION = 2
@@ -39,14 +44,41 @@ SECTIONS = ("color", "unwrap", "patches", "output", "render")
 class ColorOutcome:
     """What was written, from which photos, and which could not be used and why.
 
-    kept: nothing had changed since the last run, so nothing was done.
+    folder: where the files are; notes: what of the inputs is not used as one might think; kept:
+    nothing had changed since the last run, so nothing was done.
     """
 
+    folder: Path
     files: tuple[str, ...]
     used: tuple[str, ...]
     failed: dict[str, str]
     quality: dict[str, Any]
+    notes: tuple[str, ...]
     kept: bool
+
+    @property
+    def tally(self) -> Tally:
+        return Tally(len(self.failed), len(self.failed) + len(self.used), "used")
+
+    def lines(self) -> Iterator[str]:
+        """For people."""
+        state = "fresh, kept" if self.kept else "wrote"
+        yield f"{state}: {', '.join(str(self.folder / name) for name in self.files)}"
+        chart = self.quality.get("checker")
+        if chart:
+            before, after = (chart["ciede2000"][when]["median"] for when in ("before", "after"))
+            yield (
+                f"color chart {chart['file']}: CIEDE2000 of its patches"
+                f" {before:.1f} -> {after:.1f}; exposure: {chart['exposure']}"
+            )
+        for note in self.notes:
+            yield f"note: {note}"
+        for name, reason in self.failed.items():
+            yield f"{name}: FAILED: {reason}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """For --json."""
+        return {**vars(self), "folder": str(self.folder)}
 
 
 def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome:
@@ -58,7 +90,7 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
     project = bench.project
     before = project.load_record(STAGE)
     if before is not None and color_freshness(project).fresh:
-        return _outcome(before, kept=True)
+        return _outcome(project, before, kept=True)
     inputs = _inputs(project)
     cameras, failed = usable_cameras(project)
     colors, write = _made(bench, photo_set(project, cameras), progress)
@@ -74,10 +106,11 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
         "used": [name for name in cameras if name not in failed],
         "failed": failed,
         "quality": colors.quality,
+        "mesh notes": list(bench.source.notes),
     }
     project.save_record(STAGE, None, record)
     project.save_hashes()
-    return _outcome(record, kept=False)
+    return _outcome(project, record, kept=False)
 
 
 def _remove_leftovers(project: Project, before: Any, files: tuple[str, ...]) -> None:
@@ -99,6 +132,9 @@ def color_freshness(project: Project) -> Freshness:
     record = project.load_record(STAGE)
     reason = changed_inputs(record, _inputs(project))
     if record is not None and not reason:
+        faults = [n for n, why in record.get("failed", {}).items() if why in (INTERNAL, NO_MEMORY)]
+        reason = f"{', '.join(faults)} met an internal fault, which may be gone" if faults else ""
+    if record is not None and not reason:
         written = record.get("outputs", {})
         gone = [n for n, known in written.items() if project.hash_of(project.out / n) != known]
         reason = f"{', '.join(gone)} changed or missing in {project.out}" if gone else ""
@@ -114,28 +150,56 @@ def usable_cameras(project: Project) -> tuple[dict[str, Camera], dict[str, str]]
     for name, record in project.load_cameras().items():
         if record.registered_camera is None:
             continue
+        if name in project.settings.exclude:
+            continue
         if name not in project.photo_paths:
             failed[name] = (
                 f"{project.cameras_path} names {name!r}, which is not in "
                 f"{project.root / project.settings.photos}{nearest_name(name, project.photo_paths)}"
             )
             continue
+        if other := _other_shape(project, record):
+            failed[name] = other
+            continue
         cameras[name] = record.registered_camera
+    if failed and not cameras:
+        raise InputError("; ".join(failed.values()))
     if not cameras:
         hint = f"run `texproj register {project.root}` first"
         raise InputError(f"no photo of {project.root} is registered; {hint}")
     return cameras, failed
 
 
+def _other_shape(project: Project, record: CameraRecord) -> str:
+    """Why the camera cannot be this photo's: its width and height have another ratio."""
+    try:
+        info = project.photo_info(record.file)
+    except InputError as error:
+        return str(error)
+    difference = abs(record.width * info.height - record.height * info.width)
+    if difference <= max(info.width, info.height) + max(record.width, record.height):
+        return ""  # the same picture, maybe of another size, its sides rounded
+    return (
+        f"{project.cameras_path} says that {record.file} has {record.width} x {record.height}"
+        f" pixels, and upright it has {info.width} x {info.height}; register it again"
+    )
+
+
 def photo_set(project: Project, cameras: Mapping[str, Camera]) -> PhotoSet:
     """The photos of these cameras."""
-    return PhotoSet(tuple(cameras), tuple(cameras.values()), project.load_photo)
+    from texproj.color.sampling.photo_set import PhotoSet  # noqa: PLC0415 - slow to load
+
+    def read(name: str) -> Photo:
+        return attended(name, partial(project.load_photo, name))
+
+    return PhotoSet(tuple(cameras), tuple(cameras.values()), read)
 
 
 def _made(
     bench: Workbench, photos: PhotoSet, progress: Progress
 ) -> tuple[VertexColors | Texture, Write]:
     """The colors of the model, and what writes it into a folder and returns the file names."""
+    from texproj.color.vertices import color_vertices  # noqa: PLC0415 - slow to load
 
     def tell(done: int, total: int) -> None:
         progress(STAGE, done, total, "")
@@ -176,12 +240,13 @@ def _inputs(project: Project) -> Inputs:
 def _photo_inputs(project: Project, name: str, record: CameraRecord) -> Inputs:
     if record.registered_camera is None:
         return {}
-    entry = entry_of_record(record)
-    camera = {key: entry[key] for key in ("width", "height", "K", "dist", "R", "t")}
+    camera = {"width": record.width, "height": record.height, **camera_part(record)}
     files = {name: project.photo_path(name), f"mask of {name}": project.mask_path(name)}
     return {**file_inputs(project, **files), f"camera of {name}": json_hash(camera)}
 
 
-def _outcome(record: dict[str, Any], kept: bool) -> ColorOutcome:
-    files = tuple(record["outputs"])
-    return ColorOutcome(files, tuple(record["used"]), record["failed"], record["quality"], kept)
+def _outcome(project: Project, record: dict[str, Any], kept: bool) -> ColorOutcome:
+    files, used = tuple(record["outputs"]), tuple(record["used"])
+    notes = (*project.notes, *record.get("mesh notes", ()))
+    failed, quality = record["failed"], record["quality"]
+    return ColorOutcome(project.out, files, used, failed, quality, notes, kept)

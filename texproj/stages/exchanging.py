@@ -1,38 +1,35 @@
-"""Cameras from other programs, checked against the mesh, and cameras for them."""
+"""Cameras from other programs, proved on the picture before anybody vouches for them."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from texproj.camera import Camera
-from texproj.errors import InputError, UsageError, nearest_name
-from texproj.files import staging
+from texproj.errors import InputError, UsageError, excerpt, nearest_name
 from texproj.formats.cameras import read_cameras
 from texproj.formats.interchange import (
     READERS,
-    WRITERS,
     ForeignCamera,
     ForeignModel,
-    Shot,
     SizeOf,
     detect,
-    upright,
+    other_models,
 )
-from texproj.photo import PhotoInfo
 from texproj.project import Project
-from texproj.records import CameraRecord
+from texproj.records import CameraRecord, Status
+from texproj.register.proof.prove import Proof
 from texproj.stages.bench import Workbench
-from texproj.stages.entries import BEFORE_KEY, START_KEY
+from texproj.stages.photo_names import PhotoNames, by_photo
+from texproj.stages.proving import believe
+from texproj.stages.readings import Reading, Readings, readings
 
 ImportStatus = Literal["registered", "prior"]
 
-TURNED = "the camera is of the upright picture; where EXIF is ignored, use the photo saved upright"
 LITTLE_IN_VIEW = 0.02
 """Share of the mesh below which even the best camera of a file is worth a doubt."""
 LARGE = 1e6
@@ -42,14 +39,17 @@ GLANCE_PX = 64
 """Longer side of the picture that decides whether a camera between vertices sees a face."""
 SHOWN = 5
 """How many names a sentence lists."""
+ROUGH = "it agrees with the other photos only roughly; run: texproj refine"
 
 
 @dataclass(frozen=True, eq=False)
 class ImportOutcome:
     """in_view: by imported photo, the share of the mesh's vertices that its picture holds;
-    failed: photos named in the file without a usable camera there, and why; unmatched: what the
-    file names and the project does not have; missing: photos that the file does not name;
-    notes: by photo, what was assumed or lost; remarks: the same for the whole file.
+    status: by imported photo, "registered", or "prior" for what registration starts from;
+    starts: why a camera that was to be registered is only a start; failed: photos named in the
+    file without a usable camera there, and why; unmatched: what the file names and the project
+    does not have; missing: photos that the file does not name; notes: by photo, what was assumed,
+    lost or could not be proved; remarks: the same for the whole file.
     """
 
     format: str
@@ -59,16 +59,8 @@ class ImportOutcome:
     missing: tuple[str, ...]
     notes: dict[str, str]
     remarks: tuple[str, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class ExportOutcome:
-    """files: what was written; photos: the photos in it; notes: by photo, what is not in it."""
-
-    format: str
-    files: tuple[Path, ...]
-    photos: tuple[str, ...]
-    notes: dict[str, str] = field(default_factory=dict)
+    status: dict[str, Status] = field(default_factory=dict)
+    starts: dict[str, str] = field(default_factory=dict)
 
 
 def import_cameras(
@@ -76,29 +68,53 @@ def import_cameras(
 ) -> ImportOutcome:
     """Put the cameras of another program's file into cameras.json, for the photos that it names.
 
-    kind: the format, None to find out. Raises UsageError for an unknown format, InputError for a
-    broken file and for one that has no camera for this project; nothing is written then.
+    A camera that the picture contradicts is written as a start, whatever `status` asks for. kind:
+    the format, None to find out. Raises UsageError for an unknown format, InputError for a broken
+    file and for one that has no camera for this project; nothing is written then.
     """
     readers = {**READERS, "texproj": _read_own}
     if kind is not None and kind not in readers:
         raise UsageError(f"no format {kind!r} to import from{nearest_name(kind, readers)}")
     project = bench.project
     found_kind, file = detect(path, kind)
-    names = _Names(project.photo_names)
+    names = PhotoNames(project.photo_names)
+    model = readers[found_kind](file, _sizes(project, names, stored=False))
+    lying = None
+    if any(_orientation(project, name) != 1 for name in project.photo_names):
+        lying = readers[found_kind](file, _sizes(project, names, stored=True))
+    taken = _matched(bench, names, model, lying)
+    outcome, records = _vouched(bench, taken, status)
+    notes = (*model.notes, *other_models(path, file))
+    outcome = replace(
+        outcome, format=found_kind, remarks=(*notes, *outcome.remarks),
+        unmatched=_unmatched(model, names),
+    )  # fmt: skip
+    if not records:
+        raise InputError(_nothing(project, path, outcome, notes))
+    project.save_cameras(records)
+    return outcome
+
+
+def _orientation(project: Project, name: str) -> int:
+    """EXIF's orientation of a photo; 1 for one that cannot be read."""
+    try:
+        return project.photo_info(name).orientation
+    except InputError:  # who uses the photo says so
+        return 1
+
+
+def _sizes(project: Project, names: PhotoNames, stored: bool) -> SizeOf:
+    """Width and height of photos: of the stored picture where it lies, else of the upright one."""
 
     def size_of(name: str) -> tuple[int, int] | None:
         photo = names.photo_of(name)
         if photo is None:
             return None
         info = project.photo_info(photo)
-        return info.width, info.height
+        lies = stored and info.orientation > 4
+        return (info.height, info.width) if lies else (info.width, info.height)
 
-    model = readers[found_kind](file, size_of)
-    outcome, records = _matched(bench, model, names, status)
-    if not records:
-        raise InputError(_nothing(project, path, outcome))
-    project.save_cameras(records)
-    return replace(outcome, format=found_kind)
+    return size_of
 
 
 def _read_own(path: Path, size_of: SizeOf) -> ForeignModel:
@@ -110,158 +126,52 @@ def _read_own(path: Path, size_of: SizeOf) -> ForeignModel:
     )
 
 
-def export_cameras(project: Project, kind: str, to: Path | None = None) -> ExportOutcome:
-    """Write the registered cameras for another program, into folder `to` (out/cameras-KIND).
-
-    Raises UsageError for an unknown format, InputError where no camera is registered, OutputError.
-    """
-    if kind not in WRITERS:
-        raise UsageError(f"no format {kind!r} to export to{nearest_name(kind, WRITERS)}")
-    folder = to if to is not None else project.out / f"cameras-{kind}"
-    paths = project.photo_paths
-    shots = [
-        Shot(name, _relative(paths[name], folder), camera)
-        for name, entry in project.load_cameras().items()
-        if name in paths and (camera := entry.registered_camera) is not None
-    ]
-    if not shots:
-        raise InputError(f"no registered camera in {project.root}; run: texproj register")
-    written = WRITERS[kind](shots, _relative(project.mesh_path, folder))
-    with staging(folder) as unfinished:
-        for name, content in written.files.items():
-            (unfinished / name).write_bytes(content)
-    files = tuple(folder / name for name in written.files)
-    notes = dict(written.notes)
-    for shot in shots:
-        if project.photo_info(shot.name).orientation != 1:
-            notes[shot.name] = "; ".join([*filter(None, [notes.get(shot.name)]), TURNED])
-    return ExportOutcome(kind, files, tuple(shot.name for shot in shots), notes)
+def _unmatched(model: ForeignModel, names: PhotoNames) -> tuple[str, ...]:
+    named = [*(c.name for c in model.cameras), *model.refused, *model.absent]
+    return tuple(name for name in named if names.photo_of(name) is None)
 
 
-def _relative(path: Path, folder: Path) -> str:
-    """`path` as seen from `folder`; absolute where there is no way between them."""
-    try:
-        return Path(os.path.relpath(path.absolute(), folder.absolute())).as_posix()
-    except ValueError:  # another drive
-        return path.absolute().as_posix()
+# --- what the file may mean
 
 
-# --- names
+@dataclass(frozen=True, eq=False)
+class _Taken:
+    """By photo: what its camera may mean, and why others have none."""
 
-
-class _Names:
-    """The project's photos, found by what other programs call them."""
-
-    def __init__(self, photos: Iterable[str]) -> None:
-        self._photos = list(photos)
-        self._folded = _unique((name.casefold(), name) for name in self._photos)
-        self._stems = _unique((Path(name).stem.casefold(), name) for name in self._photos)
-
-    def match(self, name: str) -> tuple[str | None, int]:
-        """The photo that a file calls `name`, and how loosely: 0 by name, 1 but for upper and
-        lower case, 2 by the name without its ending. Folders do not matter.
-        """
-        last = PurePosixPath(name.replace("\\", "/")).name
-        if last in self._photos:
-            return last, 0
-        if last.casefold() in self._folded:
-            return self._folded[last.casefold()], 1
-        for stem in (last, PurePosixPath(last).stem):
-            if stem.casefold() in self._stems:
-                return self._stems[stem.casefold()], 2
-        return None, 3
-
-    def photo_of(self, name: str) -> str | None:
-        return self.match(name)[0]
-
-
-def _unique(pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
-    """The pairs whose key appears once."""
-    found: dict[str, list[str]] = {}
-    for key, value in pairs:
-        found.setdefault(key, []).append(value)
-    return {key: values[0] for key, values in found.items() if len(values) == 1}
-
-
-def _by_photo(cameras: Iterable[ForeignCamera], names: _Names) -> dict[str, list[ForeignCamera]]:
-    """For each photo the cameras whose names fit it best."""
-    fitting: dict[str, list[tuple[int, ForeignCamera]]] = {}
-    for camera in cameras:
-        photo, looseness = names.match(camera.name)
-        if photo is not None:
-            fitting.setdefault(photo, []).append((looseness, camera))
-    return {
-        photo: [camera for rank, camera in ranked if rank == min(r for r, _ in ranked)]
-        for photo, ranked in fitting.items()
-    }
-
-
-# --- from a file to entries
+    readings: dict[str, Readings]
+    failed: dict[str, str]
 
 
 def _matched(
-    bench: Workbench, model: ForeignModel, names: _Names, status: ImportStatus
-) -> tuple[ImportOutcome, list[CameraRecord]]:
-    entries = bench.project.load_cameras()
-    fitting = _by_photo(model.cameras, names)
+    bench: Workbench, names: PhotoNames, model: ForeignModel, lying: ForeignModel | None
+) -> _Taken:
+    fitting = by_photo(model.cameras, names)
+    stored = by_photo(lying.cameras, names) if lying else {}
     refused = {p: why for n, why in model.refused.items() if (p := names.photo_of(n)) is not None}
     failed = {photo: why for photo, why in refused.items() if photo not in fitting}
-    records, in_view, notes = [], {}, {}
+    found: dict[str, Readings] = {}
     for photo in sorted(fitting):
         try:
-            camera, note = _checked(bench, photo, fitting[photo])
+            found[photo] = _checked(bench, photo, fitting[photo], stored.get(photo, []))
         except InputError as error:
             failed[photo] = str(error)
-            continue
-        in_view[photo] = _share_in_view(bench, camera)
-        if note:
-            notes[photo] = note
-        records.append(_record(photo, camera, status, in_view[photo], entries.get(photo)))
-    named = [*(c.name for c in model.cameras), *model.refused, *model.absent]
-    unmatched = tuple(name for name in named if names.photo_of(name) is None)
-    missing = tuple(n for n in bench.project.photo_names if n not in fitting and n not in failed)
-    remarks = (*model.notes, *_remarks(records, in_view))
-    return ImportOutcome("", in_view, failed, unmatched, missing, notes, remarks), records
+    return _Taken(found, failed)
 
 
-def _checked(bench: Workbench, photo: str, found: list[ForeignCamera]) -> tuple[Camera, str]:
-    """The camera for the photo as it is here. Raises InputError for one that cannot be its."""
+def _checked(
+    bench: Workbench, photo: str, found: list[ForeignCamera], stored: list[ForeignCamera]
+) -> Readings:
+    """What the photo's camera may mean. Raises InputError for one that cannot be its."""
     if len(found) > 1:
-        told = ", ".join(camera.name for camera in found[:SHOWN])
+        told = ", ".join(excerpt(camera.name) for camera in found[:SHOWN])
         raise InputError(f"{len(found)} cameras of the file fit its name ({told})")
-    camera, note = _of_size(found[0].camera, bench.project.photo_info(photo))
-    if not _sees_mesh(bench, camera):
+    info = bench.project.photo_info(photo)
+    told_stored = stored[0] if len(stored) == 1 else None
+    possible = readings(found[0], told_stored, info)
+    seeing = {t: r for t, r in possible.of.items() if _sees_mesh(bench, r.camera)}
+    if not seeing:
         raise InputError(BLIND)
-    return camera, "; ".join(part for part in (note, *found[0].notes) if part)
-
-
-def _of_size(camera: Camera, info: PhotoInfo) -> tuple[Camera, str]:
-    """The camera for the upright photo. Raises InputError where the shapes differ."""
-    told = f"{camera.width} x {camera.height}", f"{info.width} x {info.height}"
-    note = ""
-    if info.orientation != 1:
-        note = "EXIF turns this photo: its camera is taken as one of the upright picture"
-    if not _same_shape(camera, info) and info.orientation > 4:
-        turned = upright(camera, info.orientation)
-        if turned is not None and _same_shape(turned, info):
-            camera, note = turned, "turned upright as EXIF says"
-    if not _same_shape(camera, info):
-        raise InputError(f"its camera is for {told[0]} pixels, the photo has {told[1]}")
-    if (camera.width, camera.height) != (info.width, info.height):
-        rescaled = f"rescaled from {told[0]} to {told[1]} pixels"
-        camera, note = camera.resized(info.width, info.height), f"{note}; {rescaled}".lstrip("; ")
-    return camera, note
-
-
-def _same_shape(camera: Camera, info: PhotoInfo) -> bool:
-    """Whether the photo is the camera's picture but for scale; a pixel of either for rounding."""
-    scale = info.width / camera.width
-    return abs(camera.height * scale - info.height) <= max(1.0, scale)
-
-
-def _share_in_view(bench: Workbench, camera: Camera) -> float:
-    """Share of the mesh's vertices (a sample of them) that lie in the picture."""
-    return float(camera.inside(camera.project(bench.surface_sample)[0]).mean())
+    return replace(possible, of=seeing)
 
 
 def _sees_mesh(bench: Workbench, camera: Camera) -> bool:
@@ -274,13 +184,85 @@ def _sees_mesh(bench: Workbench, camera: Camera) -> bool:
     return depth is not None and bool(np.isfinite(depth).any())
 
 
+# --- what is believed of it
+
+
+def _vouched(
+    bench: Workbench, taken: _Taken, status: ImportStatus
+) -> tuple[ImportOutcome, list[CameraRecord]]:
+    """The entries, each with the verdict of the picture."""
+    entries = bench.project.load_cameras()
+    known = {
+        name: camera
+        for name, entry in entries.items()
+        if name in bench.project.photo_paths and name not in taken.readings
+        and (camera := entry.registered_camera) is not None
+        and entry.quality.get("standing") != "unproved"
+    }  # fmt: skip
+    believed = believe(bench, taken.readings, known, status == "registered")
+    failed, records = dict(taken.failed), []
+    in_view: dict[str, float] = {}
+    notes: dict[str, str] = {}
+    starts: dict[str, str] = {}
+    for photo, reading in believed.readings.items():
+        proof = believed.proofs.get(photo)
+        doubt = _doubt(reading, proof) if status == "registered" else ""
+        old = entries.get(photo)
+        if doubt and old is not None and old.registered_camera is not None:
+            failed[photo] = f"{doubt} (the registered camera of this photo stays)"
+            continue
+        if doubt:
+            starts[photo] = doubt
+        in_view[photo] = _share_in_view(bench, reading.camera)
+        said = [reading.note, _caveat(proof) if not doubt else ""]
+        if any(said):
+            notes[photo] = "; ".join(filter(None, said))
+        given: Status = "prior" if doubt else status
+        records.append(_record(photo, reading.camera, given, in_view[photo], proof, doubt, old))
+    named = {*taken.readings, *taken.failed}
+    missing = tuple(name for name in bench.project.photo_names if name not in named)
+    given_status = {record.file: record.status for record in records}
+    remarks = tuple(_remarks(records, in_view))
+    outcome = ImportOutcome("", in_view, failed, (), missing, notes, remarks, given_status, starts)
+    return outcome, records
+
+
+def _doubt(reading: Reading, proof: Proof | None) -> str:
+    """Why nobody should vouch for a camera; empty if nothing speaks against it."""
+    if proof is None:
+        return ""
+    if proof.standing == "contradicted":
+        return proof.reason
+    if reading.other_picture and not proof.exact:
+        return reading.other_picture
+    return ""
+
+
+def _caveat(proof: Proof | None) -> str:
+    """What to mind about a camera that is believed."""
+    if proof is None or proof.standing == "contradicted":
+        return ""
+    if proof.standing == "proved" and not proof.exact and proof.checked.get("found_in_place"):
+        return ROUGH
+    return proof.reason
+
+
+def _share_in_view(bench: Workbench, camera: Camera) -> float:
+    """Share of the mesh's vertices (a sample of them) that lie in the picture."""
+    return float(camera.inside(camera.project(bench.surface_sample)[0]).mean())
+
+
 def _record(
-    photo: str, camera: Camera, status: ImportStatus, in_view: float, old: CameraRecord | None
-) -> CameraRecord:
+    photo: str, camera: Camera, status: Status, in_view: float,
+    proof: Proof | None, doubt: str, old: CameraRecord | None,
+) -> CameraRecord:  # fmt: skip
     """The new entry; foreign keys of the old one stay, what registration kept there goes."""
-    own = (START_KEY, BEFORE_KEY)
-    extra = {key: value for key, value in (old.extra if old else {}).items() if key not in own}
+    extra = dict(old.extra) if old else {}
     quality: dict[str, Any] = {"mesh_in_view": round(in_view, 4)}
+    if proof is not None:
+        quality |= {"standing": proof.standing, **proof.checked}
+        reason = doubt or _caveat(proof)
+        quality |= {"reason": reason} if reason else {}
     return CameraRecord(
         photo, camera.width, camera.height, camera.intrinsics, camera.pose,
         status, "import", quality, extra,
@@ -298,17 +280,23 @@ def _remarks(records: Iterable[CameraRecord], in_view: Mapping[str, float]) -> I
         yield f"cameras are up to {far:.3g} from the origin; nothing is rounded to single precision"
 
 
-def _nothing(project: Project, path: Path, outcome: ImportOutcome) -> str:
+def _nothing(project: Project, path: Path, outcome: ImportOutcome, notes: Iterable[str]) -> str:
+    """Why a file gave no camera, with what its reader has to say."""
+    said = "".join(f"; note: {note}" for note in notes)
+    return f"{path}: {_no_camera(project, outcome)}{said}"
+
+
+def _no_camera(project: Project, outcome: ImportOutcome) -> str:
     if not outcome.failed:
-        told = ", ".join(outcome.unmatched[:SHOWN]) or "none"
+        told = ", ".join(excerpt(name) for name in outcome.unmatched[:SHOWN]) or "none"
         ours = ", ".join(project.photo_names[:SHOWN])
-        return f"{path}: no camera for a photo of this project (it names {told}; ours are {ours})"
+        return f"no camera for a photo of this project (it names {told}; ours are {ours})"
     if set(outcome.failed.values()) == {BLIND}:
         return (
-            f"{path}: these cameras do not look at the mesh: is the file for this mesh, in the"
-            f" mesh's own frame and units?"
+            "these cameras do not look at the mesh: is the file for this mesh, in the"
+            " mesh's own frame and units?"
         )
     photo, reason = next(iter(outcome.failed.items()))
     others = len(outcome.failed) - 1
     more = f" (and {others} more photos without a usable camera)" if others else ""
-    return f"{path}: {photo}: {reason}{more}"
+    return f"{photo}: {reason}{more}"

@@ -1,7 +1,4 @@
-"""What a result was made from, and whether that is still what is there.
-
-A record holds the hash of each input by name, so that a stale result can say which one changed.
-"""
+"""What a result was made from, and whether that is still what is there."""
 
 from __future__ import annotations
 
@@ -15,15 +12,37 @@ from texproj.project import Project
 Inputs = dict[str, str]
 """Hashes of a result's inputs by the name under which a person knows them."""
 
+FAILED = "failed, inputs unchanged"
+
 
 @dataclass(frozen=True)
 class Freshness:
-    """Whether one item of a stage is up to date; `reason` says what changed if it is not."""
+    """Whether one item of a stage is there and up to date; `reason` says what changed if it is not.
+
+    failed: it could not be made, and nothing has changed since then.
+    """
 
     stage: str
     item: str
     fresh: bool
     reason: str = ""
+    failed: bool = False
+
+    @property
+    def settled(self) -> bool:
+        """Whether making it again would give the same."""
+        return self.fresh or self.failed
+
+    def lines(self) -> list[str]:
+        """For people."""
+        if self.failed:
+            return [f"{self.stage:9} {self.item:24} {self.reason}"]
+        because = f": {self.reason}" if self.reason else ""
+        return [f"{self.stage:9} {self.item:24} {'fresh' if self.fresh else 'stale'}{because}"]
+
+    def as_dict(self) -> dict[str, Any]:
+        """For --json."""
+        return asdict(self)
 
 
 def options_inputs(project: Project, version: int, *sections: str) -> Inputs:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -24,6 +25,7 @@ from texproj.report.factors import factor_image, factor_sheet
 from texproj.resources.scratch import Scratch
 from texproj.stages.bench import Workbench
 from texproj.stages.coloring import photo_set, usable_cameras
+from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
 
 STAGE = "factors"
@@ -44,6 +46,22 @@ class InspectionOutcome:
     folders: dict[str, Path]
     means: dict[str, dict[str, float]]
     failed: dict[str, str]
+
+    @property
+    def tally(self) -> Tally:
+        return Tally(len(self.failed), len(self.failed) + len(self.folders), "shown")
+
+    def lines(self) -> Iterator[str]:
+        """For people."""
+        for name, path in self.folders.items():
+            told = ", ".join(f"{factor} {mean:.2f}" for factor, mean in self.means[name].items())
+            yield f"{name}: wrote {path} (means: {told})"
+        for name, reason in self.failed.items():
+            yield f"{name}: FAILED: {reason}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """For --json."""
+        return {**vars(self), "folders": {name: str(path) for name, path in self.folders.items()}}
 
 
 def inspect_project(

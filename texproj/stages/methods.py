@@ -4,21 +4,18 @@ project has the means for.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+import math
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
 from functools import partial
 
 from texproj.camera import Camera, Intrinsics
 from texproj.errors import InputError, RegistrationError
+from texproj.photo import Correspondences
 from texproj.project import Project
-from texproj.records import CameraRecord, Fit
-from texproj.register.features import Known, register_features
-from texproj.register.information.register import register_mutual_information
-from texproj.register.outline.chain import ChainOptions, register_from_outline
-from texproj.register.picks.register import register_points
-from texproj.register.structure.register import register_structure
+from texproj.records import THROUGH, CameraRecord, Fit
+from texproj.stages.attending import attended
 from texproj.stages.bench import Workbench
-from texproj.stages.entries import THROUGH
 
 REGISTRATION_LONGEST = 1024
 """Longer side, pixels, to which photos are reduced for matching."""
@@ -28,96 +25,155 @@ NEAREST = 4
 MOST_COMPARED = 8
 """With how many other photos the features of a photo are compared."""
 
-Neighbors = Mapping[str, Camera]
-"""Registered cameras of other photos by name, those next in the order of names first."""
-
+AUTO = "auto"
+UNSURE = "how far this camera may be off cannot be told (pick 4 points)"
 NOTHING_TO_START_FROM = (
     "nothing to start from: pick at least 4 points, or give an approximate camera in cameras.json"
 )
 
+Attempt = tuple[str, Callable[[], Fit]]
+"""A method's name, and what it does."""
 
-def find_camera(
-    bench: Workbench, name: str, start: CameraRecord | None, neighbors: Neighbors
-) -> Fit:
-    """The camera of photo `name` by the method of the settings, or by its own means: picks, they
-    are the surest, then structure from wherever there is a start.
 
-    An unaccepted fit or RegistrationError says why there is none.
+@dataclass(frozen=True, eq=False)
+class Job:
+    """One photo to be registered.
+
+    start: what is known of its camera beforehand; neighbors: registered photos by name, at most
+    `MOST_COMPARED`, those next in the order of names first.
     """
-    asked = bench.project.settings.register.method
-    if asked != "auto":
-        return METHODS[asked](bench, name, start, neighbors)
-    refusals: list[str] = []
-    starts: list[Camera] = []
-    if bench.project.correspondences_path(name).is_file():
-        fit = _tried(partial(_by_points, bench, name, start, neighbors), refusals, starts)
-        if fit is not None:
-            return fit
-    if start is not None and start.camera is not None:
-        starts.append(start.camera)
-    return _first([partial(_from_camera, bench, name, camera) for camera in starts], refusals)
+
+    bench: Workbench
+    name: str
+    start: CameraRecord | None
+    neighbors: Mapping[str, CameraRecord]
+
+    @property
+    def project(self) -> Project:
+        return self.bench.project
+
+    @property
+    def start_intrinsics(self) -> Intrinsics | None:
+        return self.start.intrinsics if self.start is not None else None
+
+    @property
+    def has_means(self) -> bool:
+        """Whether the photo has picks or a pose to start from, and so needs no other photo."""
+        posed = self.start is not None and self.start.pose is not None
+        return posed or self.project.correspondences_path(self.name).is_file()
 
 
-def find_by_others(
-    bench: Workbench,
-    name: str,
-    start: CameraRecord | None,
-    neighbors: Neighbors,
-    earlier: str = "",
-) -> Fit:
-    """The camera of photo `name` by what other photos show of the same surface, by its outline if
-    it has a mask, or by structure from where other photos were taken.
+@dataclass(frozen=True, eq=False)
+class Search:
+    """What came of trying some methods in turn.
 
-    earlier: why its own means did not find it. Raises RegistrationError.
+    fit: the one that ended it, accepted unless a single method was asked for; refusals: why the
+    others are none; tried: the methods; starts: cameras not certain enough to keep.
     """
-    others = [_in_place_of(bench.project, name, start, neighbors[n]) for n in neighbors]
-    if has_means(bench.project, name, start):
-        others = []
-    attempts = [partial(_by_features, bench, name, start, neighbors)]
-    if bench.project.mask_path(name) is not None:
-        attempts.append(partial(_by_silhouette, bench, name, start, neighbors))
-    attempts += [partial(_from_camera, bench, name, camera) for camera in others[:NEAREST]]
-    fit = _first(attempts, [earlier] if earlier else [])
-    on_its_own = f"on its own: {earlier}" if earlier else ""
-    return replace(fit, reason="; ".join(filter(None, [fit.reason, on_its_own])))
+
+    fit: Fit | None = None
+    refusals: tuple[str, ...] = ()
+    tried: tuple[str, ...] = ()
+    starts: tuple[Camera, ...] = ()
+
+    @property
+    def reason(self) -> str:
+        """Why there is no fit."""
+        return "; ".join(dict.fromkeys(self.refusals)) or NOTHING_TO_START_FROM
+
+    def then(self, attempts: Iterable[Attempt]) -> Search:
+        """This search continued; nothing more is tried where there is a fit already."""
+        fit, refusals, tried, starts = self.fit, [*self.refusals], [*self.tried], [*self.starts]
+        for method, attempt in attempts if fit is None else ():
+            tried.append(method)
+            try:
+                found = believed(attempt())
+            except RegistrationError as error:
+                refusals.append(str(error))
+                starts += [error.approximate] if isinstance(error.approximate, Camera) else []
+                continue
+            if found.accepted:
+                fit = found
+                break
+            refusals.append(found.reason)
+        return Search(fit, tuple(refusals), tuple(dict.fromkeys(tried)), tuple(starts))
 
 
-def has_means(project: Project, name: str, start: CameraRecord | None) -> bool:
-    """Whether a photo has picks or a pose to start from, and so needs no other photo."""
-    posed = start is not None and start.pose is not None
-    return posed or project.correspondences_path(name).is_file()
+def believed(fit: Fit) -> Fit:
+    """The fit, not accepted where it does not tell how far it may be off."""
+    if not fit.accepted or math.isfinite(fit.expected_error_px):
+        return fit
+    return replace(fit, accepted=False, reason=UNSURE)
 
 
-def _first(attempts: Sequence[Callable[[], Fit]], refusals: list[str]) -> Fit:
-    """The first fit that is accepted; RegistrationError with all reasons if none is."""
-    for attempt in attempts:
-        fit = _tried(attempt, refusals, [])
-        if fit is not None:
-            return fit
-    raise RegistrationError("; ".join(dict.fromkeys(refusals)) or NOTHING_TO_START_FROM)
-
-
-def _tried(attempt: Callable[[], Fit], refusals: list[str], starts: list[Camera]) -> Fit | None:
-    """The fit if it is accepted; else its reason goes to `refusals`, its camera to `starts`."""
+def search_as_asked(job: Job, method: str) -> Search:
+    """By the one method that was asked for. A fit that is not accepted says why."""
     try:
-        fit = attempt()
+        return Search(believed(METHODS[method](job)), (), (method,))
     except RegistrationError as error:
-        refusals.append(str(error))
-        starts += [error.approximate] if isinstance(error.approximate, Camera) else []
-        return None
-    if not fit.accepted:
-        refusals.append(fit.reason)
-        return None
-    return fit
+        return Search(None, (str(error),), (method,))
 
 
-def _in_place_of(
-    project: Project, name: str, start: CameraRecord | None, neighbor: Camera
-) -> Camera:
-    """A camera for photo `name` where another photo was taken from."""
-    if start is not None and start.intrinsics is not None:
-        return Camera(start.intrinsics, neighbor.pose)
-    info = project.photo_info(name)
+def search_by_own_means(job: Job) -> Search:
+    """By the photo's own means: picks, they are the surest, then structure from wherever there is
+    a start.
+    """
+    search = Search()
+    if job.project.correspondences_path(job.name).is_file():
+        search = search.then([("points", partial(_by_points, job))])
+    given = job.start.camera if job.start is not None else None
+    starts = [*search.starts, *([given] if given is not None else [])]
+    return search.then(("structure", partial(_from_camera, job, camera)) for camera in starts)
+
+
+def search_by_others(job: Job, earlier: str, before: Collection[str] | None = None) -> Search:
+    """By what other photos show of the same surface, by the outline if there is a mask, or by
+    structure from where other photos were taken.
+
+    earlier: why the photo's own means did not find it; before: the photos from whose place it was
+    tried already in this run, where it was.
+    """
+    attempts: list[Attempt] = [("features", partial(_by_features, job))]
+    if before is None and job.project.mask_path(job.name) is not None:
+        attempts.append(("silhouette", partial(_by_silhouette, job)))
+    places = [] if job.has_means else [n for n in job.neighbors if n not in (before or ())]
+    attempts += [("structure", partial(_from_place_of, job, n)) for n in places[:NEAREST]]
+    search = Search(refusals=(earlier,) if earlier else ()).then(attempts)
+    if search.fit is None or not earlier:
+        return search
+    told = "; ".join(filter(None, [search.fit.reason, f"on its own: {earlier}"]))
+    return replace(search, fit=replace(search.fit, reason=told))
+
+
+def shared_points(job: Job) -> int:
+    """How many points of the surface the photo shares with its neighbors; 0 if it cannot be read,
+    which is told when it is attended.
+    """
+    if not job.neighbors:
+        return 0
+    try:
+        attended(job.name, partial(job.bench.features, job.name))
+    except InputError:
+        return 0
+    shared = (attended_pairs(job, other) for other in job.neighbors.values())
+    return sum(len(pairs) for pairs in shared if pairs is not None)
+
+
+def attended_pairs(job: Job, other: CameraRecord) -> Correspondences | None:
+    """What the photo shares with a registered one; None where that one helps no other: it is
+    broken, and its own entry says so.
+    """
+    try:
+        return attended(other.file, partial(job.bench.pairs, job.name, other))
+    except InputError:
+        return None
+
+
+def _place_of(job: Job, neighbor: Camera) -> Camera:
+    """A camera for the photo where another photo was taken from."""
+    if job.start_intrinsics is not None:
+        return Camera(job.start_intrinsics, neighbor.pose)
+    info = job.project.photo_info(job.name)
     if (info.width, info.height) == (neighbor.width, neighbor.height):
         return neighbor
     k = neighbor.intrinsics
@@ -126,77 +182,98 @@ def _in_place_of(
     return Camera(Intrinsics(info.width, info.height, focal, focal, *middle), neighbor.pose)
 
 
-def _by_points(bench: Workbench, name: str, start: CameraRecord | None, _: Neighbors) -> Fit:
-    project = bench.project
-    picks = project.load_correspondences(name)
+def _by_points(job: Job) -> Fit:
+    from texproj.register.picks.register import register_points  # noqa: PLC0415 - slow to load
+
+    picks = job.project.load_correspondences(job.name)
     if picks is None:
-        path = project.correspondences_path(name)
+        path = job.project.correspondences_path(job.name)
         raise RegistrationError(f"no picks at {path}; pick at least 4 points")
-    prior = start.intrinsics if start else None
-    pose = start.pose if start else None
-    options = project.settings.points
-    info = project.photo_info(name)
-    return register_points(info, picks, prior, options, pose, bench.surface_sample)
+    pose = job.start.pose if job.start is not None else None
+    options = job.project.settings.points
+    info = job.project.photo_info(job.name)
+    surface = job.bench.surface_sample
+    return register_points(info, picks, job.start_intrinsics, options, pose, surface)
 
 
-def _by_structure(bench: Workbench, name: str, start: CameraRecord | None, _: Neighbors) -> Fit:
-    if start is None or start.camera is None:
+def _given(job: Job) -> Camera:
+    if job.start is None or job.start.camera is None:
         raise RegistrationError(NOTHING_TO_START_FROM)
-    return _from_camera(bench, name, start.camera)
+    return job.start.camera
 
 
-def _from_camera(bench: Workbench, name: str, start: Camera) -> Fit:
-    photo = bench.project.load_photo(name, REGISTRATION_LONGEST)
-    options = bench.project.settings.structure
-    return register_structure(photo, start, bench.render, options)
+def _by_structure(job: Job) -> Fit:
+    return _from_camera(job, _given(job))
 
 
-def _by_features(
-    bench: Workbench, name: str, start: CameraRecord | None, neighbors: Neighbors
-) -> Fit:
-    if not neighbors:
+def _from_place_of(job: Job, name: str) -> Fit:
+    camera = job.neighbors[name].camera
+    assert camera is not None
+    return _from_camera(job, _place_of(job, camera))
+
+
+def _from_camera(job: Job, start: Camera) -> Fit:
+    from texproj.register.structure.register import register_structure  # noqa: PLC0415 - slow to load
+
+    photo = job.project.load_photo(job.name, REGISTRATION_LONGEST)
+    options = job.project.settings.structure
+    return register_structure(photo, start, job.bench.render, options)
+
+
+def _by_features(job: Job) -> Fit:
+    from texproj.register.features import register_pairs  # noqa: PLC0415 - slow to load
+
+    if not job.neighbors:
         raise RegistrationError(NOTHING_TO_START_FROM)
-    found = {n: _known(bench, n, neighbors[n]) for n in list(neighbors)[:MOST_COMPARED]}
-    known = {n: k for n, k in found.items() if k is not None}
-    info = bench.project.photo_info(name)
-    features = bench.features(name)
-    prior = start.intrinsics if start is not None else None
-    options = bench.project.settings.points
-    near = list(known.values())
-    fit = register_features(info, features, near, prior, options, bench.surface_sample)
-    return replace(fit, quality={**fit.quality, THROUGH: list(known)})
+    info = job.project.photo_info(job.name)
+    job.bench.features(job.name)  # a fault of this photo's is not taken for one of another's
+    found = {n: attended_pairs(job, other) for n, other in job.neighbors.items()}
+    shared = {n: pairs for n, pairs in found.items() if pairs is not None}
+    errors = [expected_error_px(job.neighbors[n]) for n in shared]
+    options = job.project.settings.points
+    fit = register_pairs(
+        info, list(shared.values()), errors, job.start_intrinsics, options,
+        job.bench.surface_sample,
+    )  # fmt: skip
+    return replace(fit, quality={**fit.quality, THROUGH: list(shared)})
 
 
-def _known(bench: Workbench, name: str, camera: Camera) -> Known | None:
-    try:
-        return bench.known(name, camera)
-    except InputError:  # a broken photo helps no other; its own entry says so
-        return None
+def expected_error_px(record: CameraRecord) -> float:
+    """The expected error that an entry tells; 0 where it tells none."""
+    return float(record.quality.get("expected_error_px") or 0)
 
 
-def _by_information(bench: Workbench, name: str, start: CameraRecord | None, _: Neighbors) -> Fit:
-    if start is None or start.camera is None:
-        raise RegistrationError(NOTHING_TO_START_FROM)
-    photo = bench.project.load_photo(name, REGISTRATION_LONGEST)
-    options = bench.project.settings.mutual_information
-    picks = bench.project.load_correspondences(name)
-    return register_mutual_information(photo, start.camera, bench.render, options, picks)
+def _by_information(job: Job) -> Fit:
+    from texproj.register.information.register import (  # noqa: PLC0415 - slow to load
+        register_mutual_information,
+    )
+
+    start = _given(job)
+    photo = job.project.load_photo(job.name, REGISTRATION_LONGEST)
+    options = job.project.settings.mutual_information
+    picks = job.project.load_correspondences(job.name)
+    return register_mutual_information(photo, start, job.bench.render, options, picks)
 
 
-def _by_silhouette(bench: Workbench, name: str, start: CameraRecord | None, _: Neighbors) -> Fit:
+def _by_silhouette(job: Job) -> Fit:
     """The views that have the object's outline, told apart and made exact by what is inside."""
-    settings = bench.project.settings
-    photo = bench.project.load_photo(name, REGISTRATION_LONGEST)
+    from texproj.register.outline.chain import (  # noqa: PLC0415 - slow to load
+        ChainOptions,
+        register_from_outline,
+    )
+
+    settings = job.project.settings
+    photo = job.project.load_photo(job.name, REGISTRATION_LONGEST)
     options = ChainOptions(
         settings.silhouette,
         settings.mutual_information,
         settings.structure,
     )
-    prior = (start.camera or start.intrinsics) if start is not None else None
-    return register_from_outline(photo, prior, bench.render, bench.mesh, options)
+    prior = (job.start.camera or job.start.intrinsics) if job.start is not None else None
+    return register_from_outline(photo, prior, job.bench.render, job.bench.mesh, options)
 
 
-METHODS: dict[str, Callable[[Workbench, str, CameraRecord | None, Neighbors], Fit]] = {
+METHODS: dict[str, Callable[[Job], Fit]] = {
     "points": _by_points,
     "structure": _by_structure,
     "features": _by_features,
@@ -204,3 +281,13 @@ METHODS: dict[str, Callable[[Workbench, str, CameraRecord | None, Neighbors], Fi
     "silhouette": _by_silhouette,
 }
 """What `--method NAME` does, from what is known beforehand."""
+
+READS: dict[str, tuple[str, ...]] = {
+    "points": ("points",),
+    "structure": ("structure", "render"),
+    "features": ("points", "render"),
+    "mutual-information": ("mutual-information", "render"),
+    "silhouette": ("silhouette", "mutual-information", "structure", "render"),
+    "block": ("render",),
+}
+"""The tables of project.toml that each method reads."""

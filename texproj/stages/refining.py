@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,12 +15,10 @@ from texproj.formats.cameras import entry_of_record
 from texproj.photo import Photo
 from texproj.project import Project
 from texproj.records import CameraRecord
-from texproj.register.joint.refine import Refined, refine
 from texproj.render import GBuffer
+from texproj.stages.attending import attended
 from texproj.stages.bench import Workbench
 from texproj.stages.entries import (
-    BEFORE_KEY,
-    START_KEY,
     Entries,
     is_refined,
     own_registration,
@@ -28,7 +26,12 @@ from texproj.stages.entries import (
     start_of,
 )
 from texproj.stages.freshness import Freshness, Inputs, changed_inputs, file_inputs, options_inputs
+from texproj.stages.lenses import lens_of
+from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
+
+if TYPE_CHECKING:
+    from texproj.register.joint.refine import Refined
 
 STAGE = "refine"
 VERSION = 1
@@ -53,6 +56,26 @@ class RefineOutcome:
     quality: dict[str, Any]
     kept: bool
 
+    @property
+    def tally(self) -> Tally:
+        failed = len(self.thrown_out)
+        return Tally(failed, len(self.moved_px) + failed, "refined")
+
+    def lines(self) -> Iterator[str]:
+        """For people."""
+        if self.kept:
+            yield "fresh, kept: nothing has changed since these cameras were refined"
+        for name, moved in self.moved_px.items() if not self.kept else ():
+            yield f"{name}: moved by {moved:.2f} px"
+        for name in self.alone:
+            yield f"{name}: stays as it is: no other photo shows enough of the same surface"
+        for name, reason in self.thrown_out.items():
+            yield f"{name}: FAILED: {reason}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """For --json."""
+        return {**vars(self)}
+
 
 def refine_project(
     bench: Workbench, progress: Progress = silent, hold_imported: bool = False
@@ -73,7 +96,7 @@ def refine_project(
     project.check_writable(project.work)
     progress(STAGE, 0, 1, "")
     names = list(before)
-    fixed = [hold_imported and START_KEY not in entries[n].extra for n in names]
+    fixed = [hold_imported and not entries[n].sought for n in names]
     refined = _refine(bench, before, fixed)
     asked = not project.settings.refine.enabled
     after = _records(names, before, refined, fixed, asked)
@@ -81,7 +104,7 @@ def refine_project(
     record = _record(before, after, outcome)
     entries |= {entry.file: entry for entry in after}
     inputs = {**_inputs(project, entries, record), HELD: str(hold_imported)}
-    project.save_registration(after, STAGE, None, {"inputs": inputs, **record})
+    project.save_registration(after, STAGE, {None: {"inputs": inputs, **record}})
     project.save_hashes()
     progress(STAGE, 1, 1, "")
     return outcome
@@ -105,8 +128,11 @@ def unrefined(project: Project) -> list[CameraRecord]:
     if project.settings.refine.enabled:
         return []
     entries = project.load_cameras().values()
-    refined = [entry for entry in entries if is_refined(entry)]
-    return [own_registration(e) for e in refined if not e.extra[BEFORE_KEY].get("asked")]
+    return [
+        own_registration(entry)
+        for entry in entries
+        if entry.refinement is not None and not entry.refinement.asked and is_refined(entry)
+    ]
 
 
 def undo_refinement(project: Project) -> tuple[str, ...]:
@@ -127,13 +153,15 @@ def _usable(project: Project, name: str, entry: CameraRecord) -> CameraRecord | 
     if entry.registered_camera is None:
         return None
     try:
-        project.load_photo(name, GLANCE_PX)
+        attended(name, lambda: project.load_photo(name, GLANCE_PX))
     except InputError:  # the color stage says so
         return None
     return entry
 
 
 def _refine(bench: Workbench, before: Mapping[str, CameraRecord], fixed: list[bool]) -> Refined:
+    from texproj.register.joint.refine import refine  # noqa: PLC0415 - slow to load
+
     project = bench.project
     names = list(before)
     cameras = [_camera(record) for record in before.values()]
@@ -142,23 +170,13 @@ def _refine(bench: Workbench, before: Mapping[str, CameraRecord], fixed: list[bo
     def load(number: int, longest: int) -> Photo:
         return project.load_photo(names[number], longest)
 
-    lenses = [_lens(project, name, record) for name, record in before.items()]
+    lenses = [lens_of(project, name, start_of(record)) for name, record in before.items()]
     options = project.settings.refine
 
     def render(camera: Camera) -> GBuffer:
         return bench.plain_scene.gbuffer(camera, CHANNELS)
 
     return refine(cameras, sigma, fixed, lenses, load, render, options)
-
-
-def _lens(project: Project, name: str, record: CameraRecord) -> str:
-    """What the photos taken through the same lens at the same zoom have in common."""
-    start = start_of(record)
-    if start is not None and start.intrinsics is not None:
-        return repr(start.intrinsics)
-    info = project.photo_info(name)
-    longer, shorter = max(info.width, info.height), min(info.width, info.height)
-    return repr((info.camera_body, longer, shorter, info.focal_px))
 
 
 def _camera(record: CameraRecord) -> Camera:
@@ -185,7 +203,7 @@ def _records(
         if k in refined.thrown_out:
             quality = {**record.quality, "reason": refined.thrown_out[k]}
             record = replace(record, pose=None, status="failed", quality=quality)
-        elif k in refined.tied and not fixed[k]:
+        elif k in refined.tied and not fixed[k] and np.isfinite(refined.expected_error_px[k]):
             quality = {
                 **record.quality,
                 "expected_error_px": round(float(refined.expected_error_px[k]), 3),

@@ -2,69 +2,58 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
-import numpy as np
-
-from texproj.camera import Intrinsics
-from texproj.errors import InputError, RegistrationError, TexprojError
-from texproj.files import json_hash
-from texproj.formats.cameras import entry_of_record
+from texproj.errors import InputError
 from texproj.project import Project
-from texproj.records import CameraRecord, Fit, Method
+from texproj.records import CameraRecord, Fit
+from texproj.stages.attending import PhotoFaultError, attended
 from texproj.stages.bench import Workbench
-from texproj.stages.entries import (
-    BEFORE_KEY,
-    START_KEY,
-    Entries,
-    camera_hash,
-    foreign,
-    found_through,
-    in_order,
-    own_registration,
-    resting_on,
-    start_of,
+from texproj.stages.entries import camera_hash, own_registration, start_of
+from texproj.stages.freshness import Freshness
+from texproj.stages.keeping import Keeper
+from texproj.stages.lineage import FAULT, STAGE, Behind, Lineage, Neighborhood, Trace, inputs, state
+from texproj.stages.methods import (
+    AUTO,
+    METHODS,
+    NEAREST,
+    Job,
+    Search,
+    believed,
+    search_as_asked,
+    search_by_others,
+    search_by_own_means,
+    shared_points,
 )
-from texproj.stages.freshness import (
-    Freshness,
-    Inputs,
-    changed_inputs,
-    file_inputs,
-    options_inputs,
+from texproj.stages.outcomes import (
+    UNUSABLE,
+    PhotoOutcome,
+    failed_record,
+    refused_record,
+    registered_record,
 )
-from texproj.stages.methods import Neighbors, find_by_others, find_camera, has_means
 from texproj.stages.progress import Progress, silent
+from texproj.stages.wave import Evidence, Wave
 
-STAGE = "register"
-VERSION = 1
-SECTIONS = ("register", "points", "structure", "mutual-information", "silhouette", "render")
-UNUSABLE = "unusable_input"
-"""Key of an entry's quality: a file of the photo cannot be read, so nothing else is tried."""
-OTHERS = "other registered photos"
-
-Find = Callable[[Workbench, str, CameraRecord | None, Neighbors], Fit]
+Names = tuple[str, ...]
+Together = Callable[[Workbench, Sequence[str], Progress], Mapping[str, Fit | str]]
+"""A step that places many photos at once: for each that it was given, a fit, or why there is none.
+Entries are traced to method "block" and to all photos that it was given."""
 
 
-@dataclass(frozen=True, eq=False)
-class PhotoOutcome:
-    """What became of one photo: its entry, whether it was done now or kept, and why."""
+def _block(bench: Workbench, names: Sequence[str], progress: Progress) -> Mapping[str, Fit | str]:
+    """All at once, by structure from motion."""
+    from texproj.stages.blocking import place_together  # noqa: PLC0415 - slow to load
 
-    name: str
-    record: CameraRecord
-    kept: bool
-    reason: str
+    return place_together(bench, names, progress)
 
-    @property
-    def failed(self) -> bool:
-        return self.record.status == "failed"
 
-    @property
-    def may_be_helped(self) -> bool:
-        """Whether other photos could find what its own means did not."""
-        return self.failed and not self.record.quality.get(UNUSABLE)
+TOGETHER: tuple[Together, ...] = (_block,)
+"""These steps are tried in this order on photos without picks and without a camera to start from,
+if no photo is registered through which they could be found."""
 
 
 def register_photos(
@@ -72,240 +61,259 @@ def register_photos(
 ) -> list[PhotoOutcome]:
     """Register the photos `names` (all by default) whose result is stale; write cameras.json.
 
-    A photo that fails stops no other. Each result is written as soon as it is there, so that an
-    interrupted run goes on where it stopped. Raises InputError for an unusable project, OutputError
-    for one that cannot be written.
+    What has means of its own comes first, then what other photos show, best evidence first, until
+    nothing changes any more. A photo that fails stops no other. Results are written as they come,
+    so that an interrupted run goes on where it stopped. Raises InputError for an unusable project,
+    OutputError for one that cannot be written.
     """
     project = bench.project
     project.check_writable(project.work)
-    entries = project.load_cameras()
     chosen = list(names) if names is not None else project.photo_names
-    outcomes: dict[str, PhotoOutcome] = {}
-    auto = project.settings.register.method == "auto"
-    able = [n for n in chosen if not auto or has_means(project, n, start_of(entries.get(n)))]
-    waiting = _shaken(project, chosen, entries)
-
-    def attend(name: str, find: Find) -> None:
-        progress(STAGE, min(len(outcomes), len(chosen) - 1), len(chosen), name)
-        outcomes[name] = _register_one(bench, name, entries, find, waiting - {*outcomes})
-        entries[name] = outcomes[name].record
-
-    for name in able:
-        if not found_through(entries.get(name)):
-            attend(name, find_camera)
-    waiting = _shaken(project, chosen, entries)
-    for name in in_order(chosen, entries):
-        if name in able and name not in outcomes:
-            attend(name, find_camera)
-        if name not in outcomes:
-            attend(name, find_by_others)
-        elif auto and outcomes[name].may_be_helped:
-            attend(name, partial(find_by_others, earlier=outcomes[name].reason))
+    with Keeper(project) as keeper:
+        run = _Run(bench, chosen, keeper, progress)
+        run.keep()
+        run.attend_alone()
+        if run.asked == AUTO and not run.any_registered:
+            run.attend_together()
+        if run.asked in (AUTO, "features"):
+            run.attend_through_others()
     progress(STAGE, len(chosen), len(chosen), "")
     project.save_hashes()
-    return [outcomes[name] for name in chosen]
+    return [run.outcomes[name] for name in chosen]
 
 
 def registration_freshness(project: Project) -> list[Freshness]:
     """For each photo, whether its registration is up to date."""
-    entries = project.load_cameras()
-    shaken = _shaken(project, project.photo_names, entries)
-    states = [_freshness(project, name, entries) for name in project.photo_names]
-    return [_after_others(s, entries, shaken) if s.fresh else s for s in states]
+    return list(Lineage.of(project, project.load_cameras()).states.values())
 
 
-def _after_others(state: Freshness, entries: Entries, shaken: set[str]) -> Freshness:
-    """A fresh photo's state, in view of those through which it was found."""
-    if state.item not in shaken:
-        return state
-    told = ", ".join(found_through(entries[state.item]))
-    return replace(state, fresh=False, reason=f"found through {told}, which are not all fresh")
+class _Run:
+    """The chosen photos on their way to their outcomes.
 
-
-def _shaken(project: Project, names: Sequence[str], entries: Entries) -> set[str]:
-    """Of `names`, what was found through other photos and does not hold any more, since it is
-    stale or one of those is.
+    waiting: those without an outcome; shaken: those of them that were found through others before,
+    so that their old cameras prove nothing; own: what came of what was tried before others were
+    asked; places: the photos from whose place each was tried already; faulty: those that were in a
+    block when a fault was met.
     """
-    stale: dict[str, bool] = {}
-    for name in in_order(names, entries):
-        through = found_through(entries.get(name))
-        stale[name] = any(stale.get(n) for n in through)
-        stale[name] = stale[name] or not _freshness(project, name, entries).fresh
-    return {name for name in stale if stale[name] and found_through(entries.get(name))}
+
+    def __init__(
+        self, bench: Workbench, chosen: Sequence[str], keeper: Keeper, progress: Progress
+    ) -> None:
+        self.bench, self.project, self.chosen = bench, bench.project, chosen
+        self.keeper, self.progress = keeper, progress
+        self.asked: str = bench.project.settings.register.method
+        self.outcomes: dict[str, PhotoOutcome] = {}
+        self.entries = self.project.load_cameras()
+        self.lineage = Lineage.of(self.project, self.entries)
+        self.cameras, self.traces = dict(self.lineage.cameras), dict(self.lineage.traces)
+        self.behind = Behind(self.entries.values())
+        registered = {n for n, entry in self.entries.items() if entry.registered_camera}
+        self.near = Neighborhood(self.project.photo_names, registered)
+        self.waiting = set(chosen)
+        self.shaken = {name for name in chosen if self.through(name)}
+        self.own: dict[str, Search] = {}
+        self.places: dict[str, set[str]] = {}
+        self.blocks: dict[str, tuple[str, ...]] = {}
+        self.failed_with: dict[str, Evidence] = {}
+        self.faulty: set[str] = set()
+
+    # --- what is known
+
+    @property
+    def any_registered(self) -> bool:
+        """Whether there is a photo through which others could be found."""
+        return any(entry.registered_camera is not None for entry in self.entries.values())
+
+    def through(self, name: str) -> tuple[str, ...]:
+        entry = self.entries.get(name)
+        return entry.through if entry is not None else ()
+
+    def waits(self, name: str) -> bool:
+        """Whether a photo was found through one that has no outcome yet."""
+        return any(other in self.waiting and other != name for other in self.through(name))
+
+    def around(self, name: str) -> tuple[str, ...]:
+        """The registered photos next to a photo that may prove something about it: none that is
+        shaken, none that was found through it.
+        """
+        return self.near.around(name, self.shaken | self.behind.of(name))
+
+    def job(self, name: str) -> Job:
+        neighbors = {other: self.entries[other] for other in self.around(name)}
+        return Job(self.bench, name, start_of(self.entries.get(name)), neighbors)
+
+    def evidence(self, name: str) -> Evidence:
+        return frozenset((other, self.cameras[other]) for other in self.around(name))
+
+    def strength(self, name: str) -> int:
+        return shared_points(self.job(name))
+
+    # --- the steps
+
+    def keep(self) -> None:
+        """Settle what holds, each photo after those through which it was found."""
+        for name in self.lineage.order:
+            if name in self.waiting:
+                self.keep_if_it_holds(name, self.lineage.alone[name])
+
+    def attend_together(self) -> None:
+        """Place the photos that have nothing of their own all at once."""
+        for step in TOGETHER:
+            names = tuple(n for n in self.chosen if n in self.waiting and not self.job(n).has_means)
+            if not names:
+                return
+            for name, found in self.placed(step, names).items():
+                self.blocks[name] = names
+                if found.fit is None:
+                    self.own[name] = found
+                else:
+                    self.attend(name, partial(_as_placed, found))
+
+    def placed(self, step: Together, names: tuple[str, ...]) -> dict[str, Search]:
+        """What a step says of each photo; what nobody foresaw in it is said of all of them."""
+        told: Mapping[str, Fit | str]
+        try:
+            told = attended(", ".join(names), lambda: step(self.bench, names, self.progress))
+        except PhotoFaultError as error:
+            told = dict.fromkeys(names, str(error))
+            self.faulty |= set(names)
+        return {
+            name: Search(None, (fit,), ("block",)) if isinstance(fit, str)
+            else Search().then([("block", partial(believed, fit))])
+            for name, fit in told.items()
+        }  # fmt: skip
+
+    def attend_alone(self) -> None:
+        """Photo by photo, by the method that was asked for or by the photo's own means."""
+        if self.asked == "features":
+            return
+        for name in self.chosen if self.asked == AUTO else self.lineage.order:
+            if name not in self.waiting:
+                continue
+            if self.asked != AUTO:
+                self.attend(name, partial(search_as_asked, method=self.asked))
+            elif not self.through(name) and self.job(name).has_means:
+                self.own[name] = self.attend(name, search_by_own_means)
+
+    def attend_through_others(self) -> None:
+        """What the photos that are registered show of others, and those of others again."""
+        search = self.by_others if self.asked == AUTO else _by_features
+        wave = Wave(self.evidence, self.strength, self.waits)
+        for name in self.chosen:
+            if name in self.waiting or self.outcomes[name].may_be_helped:
+                wave.add(name, self.failed_with.get(name))
+        wave.look()
+        while (following := wave.next()) is not None:
+            name = following
+            if name not in self.waiting or not self.keep_if_it_holds(name, self.state(name)):
+                self.attend(name, search)
+            if not self.outcomes[name].may_be_helped:
+                wave.drop(name)
+            if not self.outcomes[name].failed:
+                wave.look()
+        for name in wave.left:
+            self.trace_again(name)
+
+    def by_others(self, job: Job) -> Search:
+        """By the photo's own means where that was not tried yet, then by what others show."""
+        own, before = self.own.get(job.name), self.places.get(job.name)
+        if own is None:
+            own = search_by_own_means(job) if job.has_means else Search()
+            if own.fit is not None:
+                return own
+            self.own[job.name] = own
+        self.places[job.name] = {*(before or ()), *list(job.neighbors)[:NEAREST]}
+        return search_by_others(job, own.reason if own.tried else "", before)
+
+    # --- one photo
+
+    def state(self, name: str) -> Freshness:
+        entry, trace = self.entries.get(name), self.traces[name]
+        return state(self.lineage.sources, name, entry, trace, self.cameras, self.around)
+
+    def keep_if_it_holds(self, name: str, now: Freshness) -> bool:
+        if not now.settled or self.waits(name):
+            return False
+        entry = self.entries[name]
+        if now.failed:
+            around = self.near.around(name, self.behind.of(name))
+            self.failed_with[name] = frozenset((n, self.cameras[n]) for n in around)
+        reason = entry.quality.get("reason", "") or now.reason
+        self.settle(PhotoOutcome(name, entry, True, reason))
+        return True
+
+    def attend(self, name: str, search: Callable[[Job], Search]) -> Search:
+        """Search the camera of a photo; whatever comes of it becomes its entry."""
+        done = min(len(self.outcomes), len(self.chosen) - 1)
+        self.progress(STAGE, done, len(self.chosen), name)
+        job, before = self.job(name), self.entries.get(name)
+        found, why = _searched(job, search)
+        if found.fit is None and name in self.faulty:
+            why = {**why, FAULT: True}
+        record = _record(job, found, why)
+        record = replace(record, extra=before.extra if before is not None else {})
+        tried = tuple(dict.fromkeys([*self.own.get(name, Search()).tried, *found.tried]))
+        self.settle(PhotoOutcome(name, record, False, record.quality.get("reason", "")))
+        self.keep_trace(record, tried, tuple(job.neighbors))
+        return found
+
+    def settle(self, outcome: PhotoOutcome) -> None:
+        """This is what became of a photo, as far as we know now."""
+        name, record = outcome.name, outcome.record
+        self.outcomes[name], self.entries[name] = outcome, record
+        self.waiting.discard(name)
+        self.shaken.discard(name)
+        self.cameras[name] = camera_hash(own_registration(record))
+        self.behind.put(record)
+        (self.near.add if record.registered_camera else self.near.remove)(name)
+
+    def keep_trace(self, record: CameraRecord, tried: tuple[str, ...], around: Names) -> None:
+        """Write an entry and what it was made from."""
+        placed = record.method == "block" or record.status == "failed"
+        block = self.blocks.get(record.file, ()) if placed else ()
+        read = inputs(self.lineage.sources, record, tried, block, self.cameras, lambda _: around)
+        self.traces[record.file] = trace = Trace(self.asked, tried, block, read)
+        self.keeper.add(record, trace)
+
+    def trace_again(self, name: str) -> None:
+        """Write what a photo was not found through, where some of that is gone since then: it
+        would be found even less.
+        """
+        record, trace = self.entries[name], self.traces[name]
+        assert trace is not None
+        read = inputs(
+            self.lineage.sources, record, trace.tried, trace.block, self.cameras, self.around
+        )
+        if read != trace.inputs:
+            self.keeper.add(record, replace(trace, inputs=read))
 
 
-def _register_one(
-    bench: Workbench, name: str, entries: Entries, find: Find, waiting: set[str]
-) -> PhotoOutcome:
-    project = bench.project
-    entry = entries.get(name)
-    state = _freshness(project, name, entries)
-    if entry is not None and state.fresh:
-        return PhotoOutcome(name, entry, True, entry.quality.get("reason", "") or state.reason)
-    start = start_of(entry)
-    neighbors = _neighbors(project, name, entries, waiting)
-    record = _attempt(find, bench, name, start, neighbors)
-    if entry is not None:
-        record = replace(record, extra={**foreign(entry), **record.extra})
-    inputs = _inputs(project, name, {**entries, name: record})
-    if find is find_camera and OTHERS in inputs:
-        inputs[OTHERS] = "not compared yet"
-    project.save_registration([record], STAGE, name, {"inputs": inputs})
-    return PhotoOutcome(name, record, False, record.quality.get("reason", ""))
+def _by_features(job: Job) -> Search:
+    return search_as_asked(job, "features")
 
 
-def _freshness(project: Project, name: str, entries: Entries) -> Freshness:
-    entry = entries.get(name)
-    if entry is None:
-        return Freshness(STAGE, name, False, "not registered yet")
-    if _is_external(project, entry):
-        return Freshness(STAGE, name, True, "registered elsewhere, kept as it is")
-    if entry.status == "prior":
-        return Freshness(STAGE, name, False, "not registered yet, there is a start camera")
-    record = project.load_record(STAGE, name)
-    reason = changed_inputs(record, _inputs(project, name, entries))
-    return Freshness(STAGE, name, not reason, reason)
-
-
-def _neighbors(project: Project, name: str, entries: Entries, waiting: set[str]) -> Neighbors:
-    """Registered cameras of other photos, those next in the order of names first.
-
-    Photos that wait to be registered again, or that were found through `name` themselves, prove
-    nothing.
-    """
-    rank = {n: k for k, n in enumerate(sorted({name, *entries}))}
-    apart = waiting | resting_on(name, entries) | {name}
-    present = [n for n in entries if n in project.photo_paths and n not in apart]
-    others = sorted(present, key=lambda n: abs(rank[n] - rank[name]))
-    found = {n: entries[n].registered_camera for n in others}
-    return {n: c for n, c in found.items() if c is not None}
-
-
-def _is_external(project: Project, entry: CameraRecord) -> bool:
-    """A camera that somebody else vouches for; a method named in the settings overrides that."""
-    asked = project.settings.register.method
-    return asked == "auto" and entry.status == "registered" and START_KEY not in entry.extra
-
-
-def _inputs(project: Project, name: str, entries: Entries) -> Inputs:
-    entry = entries.get(name)
-    start = start_of(entry)
-    files = {
-        "mesh": project.mesh_path,
-        "photo": project.photo_path(name),
-        "mask": project.mask_path(name),
-        "correspondences": project.correspondences_path(name),
-    }
-    inputs = {
-        **options_inputs(project, VERSION, *SECTIONS),
-        **file_inputs(project, **files),
-        "start camera": json_hash(entry_of_record(start)) if start else "none",
-    }
-    if entry is None or not _registered_before_refinement(entry):
-        others = {n for n, e in entries.items() if e.registered_camera and n != name}
-        others &= project.photo_paths.keys()
-        inputs[OTHERS] = json_hash({n: camera_hash(own_registration(entries[n])) for n in others})
-    elif entry.method == "features" and START_KEY in entry.extra:
-        inputs |= _through_inputs(project, entry, entries)
-    return inputs
-
-
-def _through_inputs(project: Project, entry: CameraRecord, entries: Entries) -> Inputs:
-    """The photos through which an entry was found: what they show, and from where by themselves."""
-    through = found_through(entry)
-    if not through:
-        return {"which photos it was found through": "unknown"}
-    found: Inputs = {}
-    for name in through:
-        other = entries.get(name)
-        camera = camera_hash(own_registration(other)) if other else "none"
-        picture = project.hash_of(project.photo_paths.get(name))
-        found[f"registration of {name}"] = json_hash([camera, picture])
+def _as_placed(found: Search, _: Job) -> Search:
+    """What a step said of a photo, as a search of it."""
     return found
 
 
-def _registered_before_refinement(entry: CameraRecord) -> bool:
-    """Whether the photo's own registration succeeded, whatever the others said later."""
-    return entry.status == "registered" or BEFORE_KEY in entry.extra
-
-
-def _attempt(
-    find: Find, bench: Workbench, name: str, start: CameraRecord | None, neighbors: Neighbors
-) -> CameraRecord:
-    """Try what the settings ask for; the failure of a photo becomes its entry."""
+def _searched(job: Job, search: Callable[[Job], Search]) -> tuple[Search, dict[str, Any]]:
+    """What came of a search, and what to note where a photo cannot be used or met a fault."""
     try:
-        fit = find(bench, name, start, neighbors)
-    except RegistrationError as error:
-        return _failed_record(bench.project, name, start, {"reason": _without_name(error, name)})
+        return attended(job.name, partial(search, job)), {}
+    except PhotoFaultError as error:
+        return Search(None, (str(error),), tuple(METHODS)), {FAULT: True}
     except InputError as error:
-        quality = {"reason": _without_name(error, name), UNUSABLE: True}
-        return _failed_record(bench.project, name, start, quality)
-    if not fit.accepted:
-        return _failed_record(bench.project, name, start, fit_quality(fit), fit.method)
-    return _record_of_fit(name, start, fit)
+        return Search(None, (str(error).removeprefix(f"{job.name}: "),)), {UNUSABLE: True}
 
 
-def _record_of_fit(name: str, start: CameraRecord | None, fit: Fit) -> CameraRecord:
-    camera = fit.camera
-    return CameraRecord(
-        file=name, width=camera.width, height=camera.height,
-        intrinsics=camera.intrinsics, pose=camera.pose,
-        status="registered", method=fit.method,
-        quality=fit_quality(fit), extra=_extra(start),
-    )  # fmt: skip
-
-
-def _without_name(error: Exception, name: str) -> str:
-    return str(error).removeprefix(f"{name}: ")
-
-
-def _failed_record(
-    project: Project,
-    name: str,
-    start: CameraRecord | None,
-    quality: dict[str, Any],
-    method: Method | None = None,
-) -> CameraRecord:
-    intrinsics: Intrinsics | None = start.intrinsics if start else None
-    width, height = _size(project, name, start)
-    extra = _extra(start)
-    return CameraRecord(name, width, height, intrinsics, None, "failed", method, quality, extra)
-
-
-def _size(project: Project, name: str, start: CameraRecord | None) -> tuple[int, int]:
+def _record(job: Job, found: Search, why: dict[str, Any]) -> CameraRecord:
+    """The entry that a search makes."""
+    start = job.start
     if start is not None:
-        return start.width, start.height
-    try:
-        info = project.photo_info(name)
-    except TexprojError:  # an unreadable photo has no size; its entry says why it failed
-        return 1, 1
-    return info.width, info.height
-
-
-def _extra(start: CameraRecord | None) -> dict[str, Any]:
-    if start is None:
-        return {START_KEY: None}
-    entry = entry_of_record(replace(start, extra={}))
-    kept = {key: value for key, value in entry.items() if key != "file"}
-    return {**start.extra, START_KEY: kept}
-
-
-def fit_quality(fit: Fit) -> dict[str, Any]:
-    """The numbers of a fit for cameras.json and the report."""
-    inlying = fit.residual_px[fit.inliers]
-    quality: dict[str, Any] = {
-        "expected_error_px": round(float(fit.expected_error_px), 3),
-        "median_residual_px": round(float(np.median(inlying)), 3) if len(inlying) else None,
-        "matches": len(fit.residual_px),
-        "inliers": int(fit.inliers.sum()),
-        "solved": list(fit.solved),
-        "reason": fit.reason,
-        **fit.quality,
-    }
-    if fit.names:
-        rows = zip(fit.names, fit.residual_px, fit.inliers, strict=True)
-        quality["picks"] = [
-            {"name": n, "residual_px": round(float(r), 3), "outlier": not bool(ok)}
-            for n, r, ok in rows
-        ]
-    return quality
+        start = replace(start, extra={}, refinement=None)
+    if found.fit is None:
+        quality = {"reason": found.reason, **why}
+        return failed_record(job.project, job.name, start, quality)
+    make = registered_record if found.fit.accepted else refused_record
+    return make(job.project, job.name, start, found.fit)

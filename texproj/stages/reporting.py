@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from texproj import __version__
 from texproj.errors import InputError
 from texproj.files import json_hash, staging
+from texproj.formats.cameras import camera_part
 from texproj.formats.models import read_model
 from texproj.mesh import ColoredMesh, TexturedMesh
 from texproj.project import Project
@@ -33,8 +33,10 @@ from texproj.stages.bench import Workbench
 from texproj.stages.coloring import STAGE as COLOR
 from texproj.stages.entries import is_refined
 from texproj.stages.freshness import Freshness, Inputs, changed_inputs, file_inputs, options_inputs
+from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
 from texproj.stages.writing import GLB, OBJ, PLY
+from texproj.version import __version__
 
 STAGE = "report"
 VERSION = 1
@@ -43,14 +45,35 @@ HTML, JSON = "report.html", "report.json"
 
 @dataclass(frozen=True)
 class ReportOutcome:
-    """The files that were written: the page first, then the numbers."""
+    """The files: the page first, then the numbers; kept: nothing had changed since they were
+    written.
+    """
 
     files: tuple[Path, Path]
+    kept: bool
+
+    @property
+    def tally(self) -> Tally:
+        return Tally(0, len(self.files), "written")
+
+    def lines(self) -> list[str]:
+        """For people."""
+        return [f"{'fresh, kept:' if self.kept else 'wrote'} {path}" for path in self.files]
+
+    def as_dict(self) -> dict[str, Any]:
+        """For --json."""
+        return {"files": [str(path) for path in self.files], "kept": self.kept}
 
 
 def report_project(bench: Workbench, progress: Progress = silent) -> ReportOutcome:
-    """Write the report of the project as it stands. Raises InputError, OutputError."""
+    """Write the report of the project as it stands, unless it is there already. Raises InputError,
+    OutputError.
+    """
     project = bench.project
+    files = project.out / HTML, project.out / JSON
+    if report_freshness(project).fresh:
+        return ReportOutcome(files, True)
+    inputs = _inputs(project)
     records = project.load_cameras()
     facts = _facts(bench, records)
     overlays = {}
@@ -65,22 +88,43 @@ def report_project(bench: Workbench, progress: Progress = silent) -> ReportOutco
         (folder / HTML).write_text(html, encoding="utf-8")
         (folder / JSON).write_text(json.dumps(facts, indent=1, default=str), encoding="utf-8")
     progress(STAGE, len(names), len(names), "")
-    project.save_record(STAGE, None, {"inputs": _inputs(project)})
-    return ReportOutcome((project.out / HTML, project.out / JSON))
+    outputs = {path.name: project.hash_of(path) for path in files}
+    project.save_record(STAGE, None, {"inputs": inputs, "outputs": outputs})
+    project.save_hashes()
+    return ReportOutcome(files, False)
 
 
 def report_freshness(project: Project) -> Freshness:
     """Whether the report tells of the project as it stands."""
-    reason = changed_inputs(project.load_record(STAGE), _inputs(project))
-    if not reason and not (project.out / HTML).is_file():
-        reason = f"{HTML} is missing"
+    record = project.load_record(STAGE)
+    reason = changed_inputs(record, _inputs(project))
+    if record is not None and not reason:
+        written = record.get("outputs", {})
+        gone = [n for n in (HTML, JSON) if project.hash_of(project.out / n) != written.get(n)]
+        reason = f"{', '.join(gone)} changed or missing in {project.out}" if gone else ""
     return Freshness(STAGE, HTML, not reason, reason)
 
 
 def _inputs(project: Project) -> Inputs:
-    color = json_hash(project.load_record(COLOR))
-    files = file_inputs(project, mesh=project.mesh_path, cameras=project.cameras_path)
-    return {**options_inputs(project, VERSION, "refine"), "model": color, **files}
+    shown: dict[str, Any] = {
+        "mesh": project.mesh_path,
+    }
+    for name in project.photo_names:
+        shown[name] = project.photo_path(name)
+        shown[f"correspondences of {name}"] = project.correspondences_path(name)
+    return {
+        **options_inputs(project, VERSION, "refine", "render"),
+        "texproj": __version__,
+        "cameras": json_hash([_shown(r) for r in project.load_cameras().values()]),
+        "model": json_hash(project.load_record(COLOR)),
+        **file_inputs(project, **shown),
+    }
+
+
+def _shown(record: CameraRecord) -> list[Any]:
+    """What the report shows of a photo's camera."""
+    told = [record.file, record.status, record.method, record.quality, is_refined(record)]
+    return [*told, *camera_part(record).values()]
 
 
 def _facts(bench: Workbench, records: dict[str, CameraRecord]) -> dict[str, Any]:
@@ -106,6 +150,7 @@ def _facts(bench: Workbench, records: dict[str, CameraRecord]) -> dict[str, Any]
             "vertices": len(source.mesh.vertices),
             "faces": len(source.mesh.faces),
             "repairs": source.repairs,
+            "notes": list(source.notes),
         },
         "refinement": _refinement(project, records),
         "photos": photos,

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 from texproj.errors import InputError
 from texproj.project import Project
 from texproj.records import CameraRecord
 from texproj.stages.bench import Workbench
 from texproj.stages.coloring import ColorOutcome, color_freshness, color_project
-from texproj.stages.entries import START_KEY
 from texproj.stages.freshness import Freshness
+from texproj.stages.outcomes import PhotoOutcome, Tally
 from texproj.stages.progress import Progress, silent
 from texproj.stages.refining import (
     RefineOutcome,
@@ -19,7 +21,7 @@ from texproj.stages.refining import (
     undo_refinement,
     unrefined,
 )
-from texproj.stages.registering import PhotoOutcome, register_photos, registration_freshness
+from texproj.stages.registering import register_photos, registration_freshness
 from texproj.stages.reporting import ReportOutcome, report_freshness, report_project
 
 NONE_REGISTERED = "no photo could be registered, so there is no model; each says what it needs"
@@ -47,6 +49,53 @@ class RunOutcome:
         unregistered = {o.name: o.reason for o in self.photos if o.failed}
         thrown_out = self.refined.thrown_out if self.refined else {}
         return {**unregistered, **thrown_out, **(self.color.failed if self.color else {})}
+
+    @property
+    def tally(self) -> Tally:
+        unusable = self.reason if self.color is None else ""
+        return Tally(len(self.failed), len(self.photos), "used", unusable)
+
+    def lines(self) -> Iterator[str]:
+        """For people."""
+        for photo in self.photos:
+            yield from photo.lines()
+        if self.unrefined:
+            names = ", ".join(self.unrefined)
+            yield f"refinement is switched off: back to their own registration: {names}"
+        if self.color is not None:
+            yield from self.color.lines()
+        yield f"report: {self.report.files[0]}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """For --json."""
+        return {
+            "photos": [photo.as_dict() for photo in self.photos],
+            "refine": self.refined and self.refined.as_dict(),
+            "color": self.color and self.color.as_dict(),
+            "report": self.report.as_dict()["files"],
+            "reason": self.reason,
+            "unrefined": self.unrefined,
+        }
+
+
+@dataclass(frozen=True)
+class StatusOutcome:
+    """Each item of each stage."""
+
+    items: list[Freshness]
+
+    @property
+    def tally(self) -> Tally:
+        return Tally(0, len(self.items), "looked at")
+
+    def lines(self) -> Iterator[str]:
+        """For people."""
+        for item in self.items:
+            yield from item.lines()
+
+    def as_dict(self) -> dict[str, Any]:
+        """For --json."""
+        return {"items": [item.as_dict() for item in self.items]}
 
 
 def run_project(bench: Workbench, progress: Progress = silent) -> RunOutcome:
@@ -80,7 +129,9 @@ def _with_record(outcome: PhotoOutcome, record: CameraRecord) -> PhotoOutcome:
 
 
 def project_status(project: Project) -> list[Freshness]:
-    """Each item of each stage: fresh, or stale and why. Raises InputError."""
+    """Each item of each stage: fresh, failed with nothing changed since, or stale and why. Raises
+    InputError.
+    """
     refined = [refine_freshness(project, True)] if _worth_refining(project) else []
     if unrefined(project):
         refined = [Freshness("refine", "all photos", False, SWITCHED_OFF)]
@@ -92,5 +143,5 @@ def _worth_refining(project: Project) -> bool:
     """Whether the settings want it and there is a camera of our own beside another one."""
     entries = project.load_cameras().values()
     registered = [e for e in entries if e.registered_camera and e.file in project.photo_paths]
-    own = any(START_KEY in e.extra for e in registered)
+    own = any(e.sought for e in registered)
     return bool(project.settings.refine.enabled and own and len(registered) > 1)

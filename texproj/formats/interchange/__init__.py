@@ -5,7 +5,7 @@ from pathlib import Path
 
 from texproj.formats.interchange.bundler import read_bundler, write_bundler
 from texproj.formats.interchange.colmap import read_colmap, write_colmap
-from texproj.formats.interchange.detect import detect
+from texproj.formats.interchange.detect import detect, other_models
 from texproj.formats.interchange.meshlab import read_meshlab, write_meshlab
 from texproj.formats.interchange.meshroom import read_meshroom
 from texproj.formats.interchange.metashape import read_metashape, write_metashape
@@ -55,5 +55,6 @@ __all__ = [
     "SizeOf",
     "Written",
     "detect",
+    "other_models",
     "upright",
 ]

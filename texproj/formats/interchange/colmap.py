@@ -15,7 +15,9 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from texproj.camera import Camera, Intrinsics, Pose
-from texproj.errors import InputError
+from texproj.errors import InputError, excerpt
+from texproj.formats.camera_bounds import checked_translation
+from texproj.formats.documents import read_bytes, read_text
 from texproj.formats.interchange.model import (
     ForeignCamera,
     ForeignModel,
@@ -26,9 +28,11 @@ from texproj.formats.interchange.model import (
     left_out,
     lens,
     numbers,
+    possible,
     words,
 )
-from texproj.formats.interchange.text import read_bytes, read_text
+from texproj.formats.interchange.radial import fisheye
+from texproj.formats.interchange.text import whole
 
 MODELS: dict[str, tuple[int, int]] = {
     "SIMPLE_PINHOLE": (0, 3), "PINHOLE": (1, 4), "SIMPLE_RADIAL": (2, 4), "RADIAL": (3, 5),
@@ -52,6 +56,13 @@ LENSES: dict[str, Callable[[Sequence[float]], tuple[ArrayLike, ArrayLike, ArrayL
 }
 """Focal lengths, principal point and OpenCV distortion of a model's parameters."""
 
+FISHEYES: dict[str, Callable[[Sequence[float]], tuple[Sequence[float], ...]]] = {
+    "OPENCV_FISHEYE": lambda p: (p[:2], p[2:4], p[4:8]),
+    "SIMPLE_RADIAL_FISHEYE": lambda p: ((p[0], p[0]), p[1:3], p[3:4]),
+    "RADIAL_FISHEYE": lambda p: ((p[0], p[0]), p[1:3], p[3:5]),
+}
+"""Focal lengths, principal point and OpenCV's fisheye coefficients."""
+
 RawCamera = tuple[str, float, float, Sequence[float]]
 """Model, width, height, parameters."""
 RawImage = tuple[str, int, Sequence[float]]
@@ -63,7 +74,7 @@ def read_colmap(path: Path, size_of: SizeOf) -> ForeignModel:
 
     Raises InputError for a folder without a model and for broken files.
     """
-    binary = (path / "images.bin").is_file()
+    binary = (path / "images.bin").is_file() or not (path / "images.txt").is_file()
     ending = ".bin" if binary else ".txt"
     files = [path / f"cameras{ending}", path / f"images{ending}"]
     for file in files:
@@ -72,12 +83,13 @@ def read_colmap(path: Path, size_of: SizeOf) -> ForeignModel:
     cameras = (_binary_cameras if binary else _text_cameras)(files[0])
     found, refused = [], {}
     for name, number, values in (_binary_images if binary else _text_images)(files[1]):
-        where = f"{files[1]}, {name}"
+        where = f"{files[1]}, {excerpt(name)}"
         if number not in cameras:
             raise InputError(f"{where}: camera {number} is not in {files[0].name}")
         try:
-            camera = Camera(_intrinsics(cameras[number]), _pose(values, where))
-            found.append(ForeignCamera(name, camera))
+            intrinsics, note = _intrinsics(cameras[number])
+            camera = Camera(intrinsics, _pose(values, where))
+            found.append(ForeignCamera(name, camera, (note,) if note else ()))
         except Unusable as reason:
             refused[name] = str(reason)
     return ForeignModel(tuple(found), refused)
@@ -91,22 +103,28 @@ def write_colmap(shots: Sequence[Shot], binary: bool = False) -> Written:
     return Written(write(shots, cameras), notes)
 
 
-def _intrinsics(raw: RawCamera) -> Intrinsics:
+def _intrinsics(raw: RawCamera) -> tuple[Intrinsics, str]:
+    """The lens and a note."""
     model, width, height, parameters = raw
+    if model in FISHEYES:
+        focal, center, k = FISHEYES[model]([float(p) for p in parameters])
+        return fisheye((width, height), focal, center, k)
     if model not in LENSES:
         raise Unusable(
             f"its lens model {model} is not one of OpenCV's;"
             f" undistort the photos in COLMAP (image_undistorter) and import that model"
         )
     f, c, dist = LENSES[model]([float(p) for p in parameters])
-    return lens(width, height, f, c, dist)
+    return lens(width, height, f, c, dist), ""
 
 
 def _pose(values: Sequence[float], where: str) -> Pose:
     w, x, y, z, *t = values
-    if not np.isfinite(values).all() or not 0.5 < np.linalg.norm([w, x, y, z]) < 2:
+    turned = np.isfinite(values).all() and np.abs([w, x, y, z]).max() < 2
+    if not turned or not 0.5 < np.linalg.norm([w, x, y, z]) < 2:
         raise InputError(f"{where}: not a pose (a unit quaternion and a translation)")
-    return Pose(Rotation.from_quat([x, y, z, w]).as_matrix(), np.array(t))
+    R = Rotation.from_quat([x, y, z, w]).as_matrix()
+    return Pose(R, possible(checked_translation, t, "its pose"))
 
 
 # --- text
@@ -125,28 +143,60 @@ def _text_cameras(path: Path) -> dict[int, RawCamera]:
             continue
         where = f"{path}, line {count}"
         number, model, *rest = [*line.split(), "", ""][: max(2, len(line.split()))]
-        if model not in MODELS or not number.isdigit():
+        key = whole(number)
+        if model not in MODELS or key is None:
             raise InputError(f"{where}: not a camera (number, model, width, height, parameters)")
         width, height, *parameters = numbers(rest, 2 + MODELS[model][1], where)
-        cameras[int(number)] = (model, width, height, parameters)
+        cameras[key] = (model, width, height, parameters)
     return cameras
 
 
 def _text_images(path: Path) -> Iterator[RawImage]:
-    """Every second line holds the observations, which may be empty."""
-    lines = list(_rows(path))
-    while lines and not lines[0][1]:
-        lines.pop(0)
-    for count, line in lines[::2]:
+    """Every second line holds the observations. It may be empty, and where scripts have taken empty
+    lines out it may be missing: an image where observations are due is an image.
+    """
+    observations = False
+    for count, line in _rows(path):
         if not line:
+            observations = False
             continue
-        parts = line.split(maxsplit=9)
-        where = f"{path}, line {count}"
-        if len(parts) < 10 or not parts[8].isdigit():
+        image = _text_image(line)
+        if observations and (image is None or _is_observations(line)):
+            observations = False
+            continue
+        if image is None:
             raise InputError(
-                f"{where}: not an image (number, quaternion, translation, camera, name)"
+                f"{path}, line {count}: not an image (number, quaternion, translation, camera,"
+                f" name)"
             )
-        yield parts[9], int(parts[8]), numbers(parts[1:8], 7, where).tolist()
+        observations = True
+        name, number, words = image
+        yield name, number, numbers(words, 7, f"{path}, line {count}").tolist()
+
+
+def _text_image(line: str) -> tuple[str, int, list[str]] | None:
+    """Name, number of the camera, and quaternion and translation of a line; None if it has none."""
+    parts = line.split(maxsplit=9)
+    number = whole(parts[8]) if len(parts) == 10 else None
+    if number is None or whole(parts[0]) is None:
+        return None
+    return parts[9], number, parts[1:8]
+
+
+def _is_observations(line: str) -> bool:
+    """Whether a line is x, y and number of a point, again and again. Only numbers are: a photo's
+    name hardly ever is one.
+    """
+    words = line.split()
+    return len(words) % 3 == 0 and all(_is_number(word) for word in words)
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
 
 
 def _write_text(
@@ -183,7 +233,7 @@ class _Bytes:
         return values.unpack_from(self.data, self.at - values.size)
 
     def skip(self, count: int) -> None:
-        self.at += count
+        self.at = min(self.at + count, len(self.data))
 
     def name(self) -> str:
         end = self.data.find(b"\0", self.at)

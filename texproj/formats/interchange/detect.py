@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 
 from texproj.errors import InputError
-from texproj.formats.interchange.text import read_json
+from texproj.formats.documents import read_text
+from texproj.formats.interchange.text import read_object
 
 BY_SUFFIX = {
     ".mlp": "meshlab", ".out": "bundler", ".xml": "metashape", ".csv": "realityscan",
@@ -18,7 +20,10 @@ IN_FOLDER = {
 }  # fmt: skip
 OWN = "texproj"
 SIDECARS = "realityscan-xmp"
-COLMAP_FOLDERS = ("", "sparse", "sparse/0", "0")
+SHOWN = 5
+"""How many models a sentence lists."""
+COLMAP_FOLDERS = ("", "sparse", "colmap/sparse")
+"""Where a model is, or folders of models that are named by numbers."""
 
 
 def detect(path: Path, asked: str | None = None) -> tuple[str, Path]:
@@ -40,9 +45,9 @@ def detect(path: Path, asked: str | None = None) -> tuple[str, Path]:
 
 def _in_folder(path: Path, asked: str | None) -> tuple[str, Path]:
     for sub in COLMAP_FOLDERS if asked in (None, "colmap") else ():
-        names = {p.name for p in (path / sub).iterdir()} if (path / sub).is_dir() else set()
-        if {"cameras.bin", "images.bin"} <= names or {"cameras.txt", "images.txt"} <= names:
-            return "colmap", path / sub
+        models = colmap_models(path / sub)
+        if models:
+            return "colmap", max(models, key=lambda model: models[model])
     for name, kind in IN_FOLDER.items():
         if (path / name).is_file() and asked in (None, kind):
             return kind, path / name
@@ -54,12 +59,56 @@ def _in_folder(path: Path, asked: str | None) -> tuple[str, Path]:
     )
 
 
+def other_models(asked: Path, found: Path) -> tuple[str, ...]:
+    """A sentence about COLMAP models beside the one that was found in folder `asked`."""
+    if asked == found or not asked.is_dir():
+        return ()
+    models = colmap_models(found.parent)
+    others = [f"{path.name} ({count} photos)" for path, count in models.items() if path != found]
+    if not others or found not in models:
+        return ()
+    return (
+        f"the largest model of {found.parent} was read, {found.name} ({models[found]} photos); each"
+        f" has a frame of its own, so these were not: {', '.join(others[:SHOWN])}",
+    )
+
+
+def colmap_models(folder: Path) -> dict[Path, int]:
+    """How many photos each COLMAP model has: of `folder` itself, or of the numbered folders in it,
+    which COLMAP makes where the photos fall apart.
+    """
+    if _is_model(folder):
+        return {folder: _count_images(folder)}
+    parts = sorted(folder.iterdir()) if folder.is_dir() else []
+    models = [part for part in parts if part.name.isdecimal() and _is_model(part)]
+    return {model: _count_images(model) for model in models}
+
+
+def _is_model(folder: Path) -> bool:
+    return any(
+        all((folder / f"{part}{ending}").is_file() for part in ("cameras", "images"))
+        for ending in (".bin", ".txt")
+    )
+
+
+def _count_images(folder: Path) -> int:
+    """Images of a model, without reading what they observe."""
+    binary = folder / "images.bin"
+    if binary.is_file():
+        with binary.open("rb") as file:
+            head = file.read(8)
+        return int(struct.unpack("<Q", head)[0]) if len(head) == 8 else 0
+    lines = read_text(folder / "images.txt").splitlines()
+    words = (line.split(maxsplit=10) for line in lines if not line.startswith("#"))
+    return sum(len(row) >= 10 and not row[-1].replace(".", "").isdecimal() for row in words)
+
+
 def _of_file(path: Path) -> str:
     suffix = path.suffix.lower()
     if suffix in BY_SUFFIX:
         return BY_SUFFIX[suffix]
     if suffix == ".json":
-        content = read_json(path)
+        content = read_object(path)
         if content.get("format") == "texproj-cameras":
             return OWN
         if "frames" in content:

@@ -15,7 +15,9 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from texproj.camera import Camera, Intrinsics
-from texproj.errors import InputError
+from texproj.errors import InputError, excerpt
+from texproj.formats.camera_bounds import checked_translation
+from texproj.formats.documents import read_xml
 from texproj.formats.interchange.model import (
     Y_AND_Z_FLIPPED,
     Array,
@@ -30,12 +32,14 @@ from texproj.formats.interchange.model import (
     lens,
     numbers,
     pose_at,
+    possible,
     rotation,
     sentences,
     words,
 )
-from texproj.formats.interchange.text import read_xml
 
+MOST_SCALE = 1e12
+"""By how much a layer may be enlarged; numbers far beyond are no scale."""
 FOCAL_MM = 36.0
 """Nominal focal length of what we write; only its ratio to the pixel size means something."""
 
@@ -49,14 +53,14 @@ def read_meshlab(path: Path, size_of: SizeOf) -> ForeignModel:
     root = read_xml(path)
     if root.tag != "MeshLabProject":
         raise InputError(
-            f"{path}: not a MeshLab project (<{root.tag}> instead of <MeshLabProject>)"
+            f"{path}: not a MeshLab project (<{excerpt(root.tag)}> instead of <MeshLabProject>)"
         )
     found, refused = [], {}
     layer, notes = _layer_matrix(root, path)
     for raster in root.iter("MLRaster"):
         name = _name(raster)
         try:
-            found.append(_raster(raster, layer, name, f"{path}, {name}"))
+            found.append(_raster(raster, layer, name, f"{path}, {excerpt(name)}"))
         except Unusable as reason:
             refused[name] = str(reason)
     return ForeignModel(tuple(found), refused, notes=notes)
@@ -92,6 +96,10 @@ def _layer_matrix(root: ET.Element, path: Path) -> tuple[Array, tuple[str, ...]]
     matrix = numbers(texts[0], 16, f"{path}, MLMatrix44").reshape(4, 4)
     if np.array_equal(matrix, np.eye(4)):
         return matrix, ()
+    checked_translation(matrix[:3, 3], f"{path}, MLMatrix44")
+    size = np.abs(matrix[:3, :3]).max()
+    if not MOST_SCALE > size > 1 / MOST_SCALE or not np.linalg.det(matrix[:3, :3] / size) > 1e-9:
+        raise InputError(f"{path}, MLMatrix44: not a rotation, a scale and a translation")
     return matrix, (
         "the mesh layer has a matrix of its own; cameras are put into the file's frame",
     )
@@ -107,6 +115,7 @@ def _raster(raster: ET.Element, layer: Array, name: str, where: str) -> ForeignC
         raise Unusable("its camera is not a perspective one")
     R = numbers(vcg.get("RotationMatrix"), 16, f"{where}, RotationMatrix").reshape(4, 4)[:3, :3]
     center = -numbers(vcg.get("TranslationVector"), 4, f"{where}, TranslationVector")[:3]
+    possible(checked_translation, center, "its pose")
     scale = np.cbrt(np.linalg.det(layer[:3, :3]))
     in_mesh = rotation(R, where) @ rotation(layer[:3, :3] / scale, f"{where}, MLMatrix44")
     center_in_mesh = np.linalg.solve(layer[:3, :3], center - layer[:3, 3])
@@ -116,10 +125,15 @@ def _raster(raster: ET.Element, layer: Array, name: str, where: str) -> ForeignC
 
 def _intrinsics(vcg: ET.Element, where: str) -> Intrinsics:
     width, height = numbers(vcg.get("ViewportPx"), 2, f"{where}, ViewportPx")
+    if min(width, height) < 1:
+        raise Unusable(
+            f"it has no camera there (its viewport is {width:g} x {height:g}); align it in MeshLab"
+            " and save the project again"
+        )
     focal = numbers(vcg.get("FocalMm"), 1, f"{where}, FocalMm")
     size = numbers(vcg.get("PixelSizeMm"), 2, f"{where}, PixelSizeMm")
     cx, cy_up = numbers(vcg.get("CenterPx"), 2, f"{where}, CenterPx")
-    if min(size) <= 0:
+    if not min(size) > 1 / MOST_SCALE:
         raise Unusable("its pixels have no size")
     return lens(width, height, focal / size, (cx, height - cy_up))
 

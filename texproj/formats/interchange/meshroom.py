@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from texproj.camera import Camera, Intrinsics, Pose
-from texproj.errors import InputError
+from texproj.errors import InputError, excerpt
 from texproj.formats.interchange.model import (
     ForeignCamera,
     ForeignModel,
@@ -23,7 +23,7 @@ from texproj.formats.interchange.model import (
     pose_at,
     rotation,
 )
-from texproj.formats.interchange.text import member, members, read_json
+from texproj.formats.interchange.text import identity, member, members, read_object, word
 
 Version = tuple[int, ...]
 FROM_CENTER, IN_MM = (1, 2, 1), (1, 2, 2)
@@ -35,17 +35,18 @@ DISTORTIONS = {
 
 def read_meshroom(path: Path, size_of: SizeOf) -> ForeignModel:
     """The views of a .sfm that have a pose; the others are refused. Raises InputError."""
-    content = read_json(path)
+    content = read_object(path)
     version = _version(content, path)
     lenses = {
-        str(member(raw, "intrinsicId", f"{path}")): raw
+        identity(raw, "intrinsicId", f"{path}"): raw
         for raw in members(content, "intrinsics", f"{path}")
     }
-    poses = {str(member(raw, "poseId", f"{path}")): raw for raw in content.get("poses") or ()}
+    listed = members(content, "poses", f"{path}", default=[])
+    poses = {identity(raw, "poseId", f"{path}"): raw for raw in listed}
     found, refused = [], {}
     for view in members(content, "views", f"{path}"):
-        name = str(member(view, "path", f"{path}, view"))
-        where = f"{path}, {name}"
+        name = word(view, "path", f"{path}, view")
+        where = f"{path}, {excerpt(name)}"
         try:
             pose = _pose(poses.get(str(view.get("poseId"))), where)
             intrinsics = _lens(lenses.get(str(view.get("intrinsicId"))), version, where)
@@ -60,7 +61,9 @@ def _version(content: dict[str, Any], path: Path) -> Version:
     version = tuple(int(number(word, f"{path}, version")) for word in words)
     if version >= (1, 3):
         told = ".".join(map(str, version))
-        raise InputError(f"{path}: version {told} of the format is not known; export as COLMAP")
+        raise InputError(
+            f"{path}: version {told[:20]} of the format is not known; export as COLMAP"
+        )
     return version
 
 
@@ -80,7 +83,9 @@ def _lens(raw: Any, version: Version, where: str) -> Intrinsics:
     if model == "pinhole" and raw.get("distortionType"):
         model = str(raw["distortionType"])
     if model not in DISTORTIONS:
-        raise Unusable(f"its lens model {model} is not one of OpenCV's; undistort the photos")
+        raise Unusable(
+            f"its lens model {excerpt(model)} is not one of OpenCV's; undistort the photos"
+        )
     width, height = (
         number(member(raw, key, where), f"{where}, {key}") for key in ("width", "height")
     )

@@ -19,7 +19,9 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from texproj.camera import Camera, Intrinsics
-from texproj.errors import InputError
+from texproj.errors import InputError, excerpt
+from texproj.formats.camera_bounds import checked_translation
+from texproj.formats.documents import read_xml
 from texproj.formats.interchange.model import (
     Array,
     ForeignCamera,
@@ -34,14 +36,17 @@ from texproj.formats.interchange.model import (
     number,
     numbers,
     pose_at,
+    possible,
     rotation,
     sentences,
     words,
 )
 from texproj.formats.interchange.radial import with_fourth_order
-from texproj.formats.interchange.text import read_xml
+from texproj.formats.interchange.text import whole
 
 VERSION = "2.0.0"
+MOST_SCALE = 1e12
+"""By how much a chunk may be enlarged; numbers far beyond are no scale."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +85,7 @@ def read_metashape(path: Path, size_of: SizeOf) -> ForeignModel:
             name = camera.get("label") or f"camera {camera.get('id')}"
             world = worlds.get(camera.get("component_id")) or own or IDENTITY
             try:
-                found.append(_camera(camera, sensors, world, f"{path}, {name}"))
+                found.append(_camera(camera, sensors, world, f"{path}, {excerpt(name)}"))
             except Unusable as reason:
                 refused[name] = str(reason)
     return ForeignModel(tuple(found), refused, notes=_notes(chunks))
@@ -117,8 +122,9 @@ def _similarity(holder: ET.Element, where: str) -> _Similarity | None:
     R = numbers(transform.findtext("rotation"), 9, f"{where}, rotation of the chunk")
     t = numbers(transform.findtext("translation", "0 0 0"), 3, f"{where}, translation of the chunk")
     scale = number(transform.findtext("scale", "1"), f"{where}, scale of the chunk")
-    if scale <= 0:
-        raise InputError(f"{where}, scale of the chunk: must be positive")
+    if not MOST_SCALE > scale > 1 / MOST_SCALE:
+        raise InputError(f"{where}, scale of the chunk: must be positive, and of possible size")
+    checked_translation(t, f"{where}, chunk", "translation")
     return _Similarity(scale, rotation(R, f"{where}, rotation of the chunk"), t)
 
 
@@ -131,13 +137,14 @@ def _sensor(sensor: ET.Element, where: str) -> Sensor:
     kind = best.get("type", sensor.get("type", "frame"))
     if kind != "frame":
         return Unusable(
-            f"its lens is of type {kind}, not frame; export undistorted photos from Metashape"
+            f"its lens is of type {excerpt(kind)}, not frame; export undistorted photos from"
+            " Metashape"
         )
     size = best.find("resolution")
     size = sensor.find("resolution") if size is None else size
     if size is None:
         return Unusable("its sensor has no resolution")
-    where = f"{where}, sensor {sensor.get('id')}"
+    where = f"{where}, sensor {excerpt(sensor.get('id'))}"
     width, height = (number(size.get(key), f"{where}, resolution") for key in ("width", "height"))
     try:
         return _lens(best, width, height, where)
@@ -169,18 +176,28 @@ def _lens(
 def _camera(
     camera: ET.Element, sensors: dict[str | None, Sensor], world: _Similarity, where: str
 ) -> ForeignCamera:
+    if camera.get("enabled", "true").lower() in ("false", "0"):
+        raise Unusable("it is disabled there; enable it in Metashape and export again")
     text = camera.findtext("transform")
+    if text is None and camera.get("master_id") is not None:
+        raise Unusable(
+            "it is part of a rig, whose photos but the first have no pose of their own in this"
+            " file; export the cameras from Metashape for COLMAP or Bundler"
+        )
     if text is None:
         raise Unusable("it is not aligned there")
     sensor = sensors.get(camera.get("sensor_id"), Unusable("its sensor is missing in the file"))
     if isinstance(sensor, Unusable):
         raise sensor
     chunk_from_cam = numbers(text, 16, f"{where}, transform").reshape(4, 4)
+    possible(checked_translation, chunk_from_cam[:3, 3], "its pose")
     R = (world.R @ rotation(chunk_from_cam[:3, :3], where)).T
     center = world.scale * world.R @ chunk_from_cam[:3, 3] + world.t
     intrinsics, note = sensor
     name = camera.get("label") or f"camera {camera.get('id')}"
-    return ForeignCamera(name, Camera(intrinsics, pose_at(R, center)), (note,) if note else ())
+    found = Camera(intrinsics, pose_at(R, center))
+    turned = whole((camera.findtext("orientation") or "").strip())
+    return ForeignCamera(name, found, (note,) if note else (), turned)
 
 
 def _notes(chunks: Sequence[ET.Element]) -> tuple[str, ...]:

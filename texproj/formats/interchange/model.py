@@ -4,15 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from texproj.camera import Camera, Intrinsics, Pose
 from texproj.errors import InputError
+from texproj.formats.camera_bounds import (
+    checked_intrinsics,
+    checked_rotation,
+    checked_translation,
+)
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 
 SizeOf = Callable[[str], tuple[int, int] | None]
 """Width and height of the photo that a file names; None for a photo that is not at hand."""
@@ -20,8 +26,8 @@ SizeOf = Callable[[str], tuple[int, int] | None]
 Y_AND_Z_FLIPPED = np.diag([1.0, -1.0, -1.0])
 """Between OpenCV's camera axes (y down, z forward) and OpenGL's (y up, z backward)."""
 
-ROTATION_TOLERANCE = 1e-3
-"""Largest error of R @ R.T against the identity; four printed digits stay below."""
+LARGEST = 1e30
+"""Size beyond which a number means nothing in a camera's file, whatever it is for."""
 
 CLEAN_ROTATION = 1e-12
 """Rotations as exact as this keep every bit."""
@@ -30,12 +36,15 @@ CLEAN_ROTATION = 1e-12
 @dataclass(frozen=True, eq=False)
 class ForeignCamera:
     """The camera of the photo that the file calls `name`, maybe with folders, maybe without
-    an ending; notes: what was lost or assumed, one sentence each.
+    an ending; notes: what was lost or assumed, one sentence each; orientation: EXIF's number as
+    the file tells it, None where it does not: 1 if the picture was upright to the program, another
+    if the camera is of the stored picture, which lies.
     """
 
     name: str
     camera: Camera
     notes: tuple[str, ...] = ()
+    orientation: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,32 +81,35 @@ class Unusable(Exception):  # noqa: N818 - turned into an entry of `refused`
 
 
 def pose_at(R: ArrayLike, center: ArrayLike) -> Pose:
-    """The pose with rotation `R` (cam_from_world) whose projection center is `center`, world."""
+    """The pose with rotation `R` (cam_from_world) whose projection center is `center`, world.
+
+    Raises Unusable for a center that lies beyond all measure.
+    """
     R = np.asarray(R, np.float64)
-    return Pose(R, -R @ np.asarray(center, np.float64))
+    return Pose(R, -R @ possible(checked_translation, center, "its pose", "center"))
 
 
 def rotation(values: ArrayLike, where: str) -> Array:
     """(3, 3) rotation next to `values` as printed. Raises InputError if they are none."""
-    R = np.asarray(values, np.float64).reshape(3, 3)
-    error = np.abs(R @ R.T - np.eye(3)).max()
-    if not error < ROTATION_TOLERANCE or np.linalg.det(R) < 0:
-        raise InputError(f"{where}: not a rotation (orthonormal rows, determinant +1)")
-    if error < CLEAN_ROTATION:
+    R = checked_rotation(values, where)
+    if np.abs(R @ R.T - np.eye(3)).max() < CLEAN_ROTATION:
         return R
     u, _, vt = np.linalg.svd(R)
     return np.asarray(u @ vt)
 
 
-def numbers(text: str | Sequence[Any] | None, count: int, where: str) -> Array:
+def numbers(given: Any, count: int, where: str) -> Array:
     """(count,) finite numbers of a text or list. Raises InputError that names `where`."""
-    words = text.split() if isinstance(text, str) else list(text or ())
+    words = given.split() if isinstance(given, str) else given
+    listed = isinstance(words, list | tuple | np.ndarray) and len(words) == count
     try:
-        values = np.array([float(word) for word in words])
-    except (TypeError, ValueError):
-        values = np.full(1, np.nan)
-    if len(values) != count or not np.isfinite(values).all():
+        values = np.array([float(word) for word in words if not isinstance(word, bool)])
+    except (TypeError, ValueError, OverflowError):
+        listed = False
+    if not listed or len(values) != count or not np.isfinite(values).all():
         raise InputError(f"{where}: {count} numbers expected")
+    if np.abs(values).max(initial=0) > LARGEST:
+        raise InputError(f"{where}: a number beyond {LARGEST:g} is none of a camera's")
     return values
 
 
@@ -118,12 +130,16 @@ def lens(
 
     Raises Unusable for values that no camera has.
     """
-    fx, fy = np.broadcast_to(np.asarray(f, float), 2)
-    cx, cy = np.asarray(c, float)
-    coefficients = tuple(np.asarray(dist, float))
+    return possible(checked_intrinsics, width, height, f, c, dist, "its lens")
+
+
+def possible(check: Callable[..., T], *values: Any) -> T:
+    """What `check` makes of the values; Unusable for those that no camera has, so that one photo's
+    camera stops no other.
+    """
     try:
-        return Intrinsics(int(width), int(height), fx, fy, cx, cy, coefficients)
-    except ValueError as error:
+        return check(*values)
+    except InputError as error:
         raise Unusable(str(error)) from None
 
 

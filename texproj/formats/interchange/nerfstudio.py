@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from texproj.camera import Camera, Intrinsics
-from texproj.errors import InputError
+from texproj.errors import InputError, excerpt
+from texproj.formats.camera_bounds import checked_translation
 from texproj.formats.interchange.model import (
     Y_AND_Z_FLIPPED,
     Array,
@@ -32,10 +33,13 @@ from texproj.formats.interchange.model import (
     pose_at,
     rotation,
 )
-from texproj.formats.interchange.radial import with_fourth_order
-from texproj.formats.interchange.text import member, members, read_json
+from texproj.formats.interchange.radial import fisheye, with_fourth_order
+from texproj.formats.interchange.text import member, members, read_object, word
 
+FISHEYE = "OPENCV_FISHEYE"
 PERSPECTIVE = ("OPENCV", "PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL")
+MOST_SCALE = 1e12
+"""By how much a world may be enlarged; numbers far beyond are no scale."""
 DISTORTION = ("k1", "k2", "p1", "p2", "k3")
 
 
@@ -44,12 +48,12 @@ def read_nerfstudio(path: Path, size_of: SizeOf) -> ForeignModel:
 
     Raises InputError for broken files.
     """
-    content = read_json(path)
+    content = read_object(path)
     undo, notes = _undo(content, path)
     found, refused, absent = [], {}, []
     for i, frame in enumerate(members(content, "frames", f"{path}"), 1):
-        name = str(member(frame, "file_path", f"{path}, frame {i}"))
-        where = f"{path}, {name}"
+        name = word(frame, "file_path", f"{path}, frame {i}")
+        where = f"{path}, {excerpt(name)}"
         values = {**content, **frame}
         size = _size(values, size_of(name), where)
         if size is None:
@@ -57,11 +61,11 @@ def read_nerfstudio(path: Path, size_of: SizeOf) -> ForeignModel:
             continue
         try:
             intrinsics, note = _intrinsics(values, size, where)
+            matrix = undo @ _matrix(member(frame, "transform_matrix", where), where)
+            pose = pose_at(_rotation(matrix, where), matrix[:3, 3])
         except Unusable as reason:
             refused[name] = str(reason)
             continue
-        matrix = undo @ _matrix(member(frame, "transform_matrix", where), where)
-        pose = pose_at(_rotation(matrix, where), matrix[:3, 3])
         found.append(ForeignCamera(name, Camera(intrinsics, pose), (note,) if note else ()))
     return ForeignModel(tuple(found), refused, tuple(absent), notes)
 
@@ -84,8 +88,8 @@ def _undo(content: dict[str, Any], path: Path) -> tuple[Array, tuple[str, ...]]:
         notes.append("applied_transform is undone: cameras are in the frame of the reconstruction")
     if "applied_scale" in content:
         scale = number(content["applied_scale"], f"{path}, applied_scale")
-        if scale <= 0:
-            raise InputError(f"{path}, applied_scale: must be positive")
+        if not MOST_SCALE > scale > 1 / MOST_SCALE:
+            raise InputError(f"{path}, applied_scale: must be positive, and of possible size")
         undo = undo @ np.diag([1 / scale] * 3 + [1.0])
     return undo, tuple(notes)
 
@@ -97,7 +101,11 @@ def _matrix(rows: Any, where: str) -> Array:
         raise InputError(f"{where}: a matrix of 3 or 4 rows expected")
     for i, row in enumerate(rows):
         matrix[i] = numbers(row if isinstance(row, list) else None, 4, where)
-    if not np.array_equal(matrix[3], (0, 0, 0, 1)) or not np.linalg.det(matrix[:3, :3]) > 0:
+    checked_translation(matrix[:3, 3], where)
+    size = np.abs(matrix[:3, :3]).max()
+    if not np.array_equal(matrix[3], (0, 0, 0, 1)) or not MOST_SCALE > size > 1 / MOST_SCALE:
+        raise InputError(f"{where}: not a rigid transform")
+    if not np.linalg.det(matrix[:3, :3] / size) > 0:
         raise InputError(f"{where}: not a rigid transform")
     return matrix
 
@@ -120,9 +128,11 @@ def _size(
 def _intrinsics(
     values: dict[str, Any], size: tuple[float, float], where: str
 ) -> tuple[Intrinsics, str]:
-    model = str(values.get("camera_model", "OPENCV"))
-    if model not in PERSPECTIVE:
-        raise Unusable(f"its lens model {model} is not a perspective one; undistort the photos")
+    model = _model(values)
+    if model not in (*PERSPECTIVE, FISHEYE):
+        raise Unusable(
+            f"its lens model {excerpt(model)} is not a perspective one; undistort the photos"
+        )
     width, height = size
 
     def value(key: str, default: float = 0.0) -> float:
@@ -132,9 +142,18 @@ def _intrinsics(
     if fx is None:
         raise InputError(f"{where}: no focal length (fl_x or camera_angle_x)")
     fy = _focal(values, "y", height, where) or fx
-    dist = [value(key) for key in DISTORTION]
     center = value("cx", width / 2), value("cy", height / 2)
+    if model == FISHEYE:
+        return fisheye(size, (fx, fy), center, [value(key) for key in ("k1", "k2", "k3", "k4")])
+    dist = [value(key) for key in DISTORTION]
     return with_fourth_order(lens(width, height, (fx, fy), center, dist), value("k4"))
+
+
+def _model(values: dict[str, Any]) -> str:
+    """The lens model's name; instant-ngp marks fisheyes by a word of its own."""
+    if values.get("is_fisheye", False) not in (False, 0, None, "false"):
+        return FISHEYE
+    return str(values.get("camera_model", "OPENCV"))
 
 
 def _focal(values: dict[str, Any], axis: str, pixels: float, where: str) -> float | None:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from texproj.camera import Camera, Intrinsics, Pose
-from texproj.errors import InputError
+from texproj.errors import InputError, excerpt
 from texproj.formats.interchange.model import (
     ForeignCamera,
     ForeignModel,
@@ -23,7 +23,7 @@ from texproj.formats.interchange.model import (
     pose_at,
     rotation,
 )
-from texproj.formats.interchange.text import member, members, read_json
+from texproj.formats.interchange.text import identity, member, members, read_object, word
 
 LOW_BITS = 0x3FFFFFFF
 """cereal marks the first object of each type in the upper bits of its number."""
@@ -40,19 +40,20 @@ def read_openmvg(path: Path, size_of: SizeOf) -> ForeignModel:
 
     Raises InputError for broken files.
     """
-    content = read_json(path)
+    content = read_object(path)
     lenses = _lenses(content, path)
     poses = _poses(content, path)
     found, refused = [], {}
     for entry in members(content, "views", f"{path}"):
         view = _data(member(entry, "value", f"{path}, view"), f"{path}, view")
-        name = str(member(view, "filename", f"{path}, view"))
-        where = f"{path}, {name}"
-        pose = poses.get(member(view, "id_pose", where))
-        intrinsics = lenses.get(
-            member(view, "id_intrinsic", where), Unusable("it has no lens there")
-        )
-        if pose is None:
+        name = word(view, "filename", f"{path}, view")
+        where = f"{path}, {excerpt(name)}"
+        pose = poses.get(identity(view, "id_pose", where))
+        lens_key = identity(view, "id_intrinsic", where)
+        intrinsics = lenses.get(lens_key, Unusable("it has no lens there"))
+        if isinstance(pose, Unusable):
+            refused[name] = str(pose)
+        elif pose is None:
             refused[name] = "it has no pose there"
         elif isinstance(intrinsics, Unusable):
             refused[name] = str(intrinsics)
@@ -70,16 +71,18 @@ def _data(value: Any, where: str) -> dict[str, Any]:
     return {**base, **data} if isinstance(base, dict) else data
 
 
-def _lenses(content: dict[str, Any], path: Path) -> dict[Any, Lens]:
-    lenses: dict[Any, Lens] = {}
+def _lenses(content: dict[str, Any], path: Path) -> dict[str, Lens]:
+    lenses: dict[str, Lens] = {}
     names: dict[int, str] = {}
     for entry in members(content, "intrinsics", f"{path}"):
-        key = member(entry, "key", f"{path}, intrinsics")
-        where = f"{path}, intrinsic {key}"
+        key = identity(entry, "key", f"{path}, intrinsics")
+        where = f"{path}, intrinsic {excerpt(key)}"
         value = member(entry, "value", where)
+        if not isinstance(value, dict):
+            raise InputError(f"{where}: 'value' must be an object")
         type_number = int(number(value.get("polymorphic_id", 0), where)) & LOW_BITS
         if "polymorphic_name" in value:
-            names[type_number] = str(value["polymorphic_name"])
+            names[type_number] = word(value, "polymorphic_name", where)
         try:
             lenses[key] = _lens(names.get(type_number, "unknown"), _data(value, where), where)
         except Unusable as reason:
@@ -89,7 +92,9 @@ def _lenses(content: dict[str, Any], path: Path) -> dict[Any, Lens]:
 
 def _lens(model: str, data: dict[str, Any], where: str) -> Intrinsics:
     if model not in DISTORTIONS:
-        raise Unusable(f"its lens model {model} is not one of OpenCV's; undistort the photos")
+        raise Unusable(
+            f"its lens model {excerpt(model)} is not one of OpenCV's; undistort the photos"
+        )
     key, count = DISTORTIONS[model]
     k1, k2, k3, p1, p2 = (*(numbers(data.get(key), count, f"{where}, {key}") if key else ()),
                           *(0.0,) * 5)[:5]  # fmt: skip
@@ -101,15 +106,18 @@ def _lens(model: str, data: dict[str, Any], where: str) -> Intrinsics:
     return lens(width, height, focal, center, (k1, k2, p1, p2, k3))
 
 
-def _poses(content: dict[str, Any], path: Path) -> dict[Any, Pose]:
-    poses = {}
+def _poses(content: dict[str, Any], path: Path) -> dict[str, Pose | Unusable]:
+    poses: dict[str, Pose | Unusable] = {}
     for entry in members(content, "extrinsics", f"{path}"):
-        key = member(entry, "key", f"{path}, extrinsics")
-        where = f"{path}, pose {key}"
+        key = identity(entry, "key", f"{path}, extrinsics")
+        where = f"{path}, pose {excerpt(key)}"
         value = member(entry, "value", where)
         rows = [numbers(row, 3, where) for row in members(value, "rotation", where)]
         center = numbers(member(value, "center", where), 3, f"{where}, center")
         if len(rows) != 3:
             raise InputError(f"{where}: a rotation of 3 rows expected")
-        poses[key] = pose_at(rotation(rows, where), center)
+        try:
+            poses[key] = pose_at(rotation(rows, where), center)
+        except Unusable as reason:
+            poses[key] = reason
     return poses

@@ -1,45 +1,111 @@
-"""Radial polynomials with a term that OpenCV's lens model has no place for."""
+"""Lenses that OpenCV's model has no place for, fitted by its rational one."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 
+from texproj.arrays import Doubles
 from texproj.camera import Intrinsics
+from texproj.formats.interchange.model import Unusable, lens
 
 SAMPLES = 200
+WIDEST_RAD = np.radians(70.0)
+"""Angle off the axis at the picture's corner beyond which no fisheye is fitted."""
+MOST_FISHEYE_ERROR_PX, MOST_ERROR_PX = 0.1, 1.0
+"""Errors beyond which a fitted fisheye, or a fitted fourth term, is not taken."""
+
+TOO_WIDE = (
+    "its fisheye lens is too wide for a perspective one; undistort the photos there and import the"
+    " cameras of those"
+)
+
+Factor = Callable[[Doubles], Doubles]
+"""(n,) undistorted radii to what they are multiplied by."""
 
 
 def with_fourth_order(intrinsics: Intrinsics, k4: float) -> tuple[Intrinsics, str]:
     """The lens with ``k4 r^8`` added to its radial factor 1 + k1 r^2 + k2 r^4 + k3 r^6.
 
-    OpenCV has no such term: the factor is fitted by its rational one (six coefficients, linear
-    least squares of numerator - denominator * factor over the picture's radii; ours). Returns the
-    lens and a note with the largest error in pixels; the note is empty for k4 = 0.
+    Returns the lens and a note with the largest error in pixels; the note is empty for k4 = 0.
+    Raises Unusable where OpenCV's lens cannot be brought near.
     """
     if not k4:
         return intrinsics, ""
     k1, k2, p1, p2, k3 = (*intrinsics.dist, *(0.0,) * 5)[:5]
     polynomial = np.array([k4, k3, k2, k1, 1.0])
-    r = _radii(intrinsics, polynomial)
-    s = r**2
-    factor = np.polyval(polynomial, s)
-    powers = np.stack([s, s**2, s**3], axis=1)
-    system = np.concatenate([powers, -factor[:, None] * powers], axis=1) * r[:, None]
-    a1, a2, a3, b1, b2, b3 = np.linalg.lstsq(system, (factor - 1) * r, rcond=None)[0]
-    fitted = Intrinsics(
-        intrinsics.width, intrinsics.height, intrinsics.fx, intrinsics.fy,
-        intrinsics.cx, intrinsics.cy, (a1, a2, p1, p2, a3, b1, b2, b3),
-    )  # fmt: skip
-    told = (1 + powers @ [a1, a2, a3]) / (1 + powers @ [b1, b2, b3])
-    error = float(np.abs((told - factor) * r).max()) * max(intrinsics.fx, intrinsics.fy)
-    return fitted, f"k4 = {k4:.6g} is fitted by OpenCV's rational lens within {error:.2g} px"
+
+    def factor(r: Doubles) -> Doubles:
+        return np.polyval(polynomial, r**2)
+
+    fitted, error_px = _fitted(intrinsics, factor, 2 * _corner(intrinsics), (p1, p2))
+    if not error_px <= MOST_ERROR_PX:
+        raise Unusable(
+            f"its lens (k4 = {k4:.6g}) is none that OpenCV's model comes near; undistort the photos"
+            " there and import the cameras of those"
+        )
+    return fitted, f"k4 = {k4:.6g} is fitted by OpenCV's rational lens within {error_px:.2g} px"
 
 
-def _radii(intrinsics: Intrinsics, polynomial: np.ndarray) -> np.ndarray:
+def fisheye(
+    size: tuple[float, float], f: Sequence[float], c: Sequence[float], k: Sequence[float]
+) -> tuple[Intrinsics, str]:
+    """The lens of OpenCV's fisheye model: angle t off the axis at t (1 + k1 t^2 + .. + k4 t^8)
+    from the principal point, in units of the focal length (Kannala and Brandt 2006).
+
+    Returns the lens and a note with the largest error. Raises Unusable for lenses so wide that a
+    perspective picture has no place for them.
+    """
+    polynomial = np.array([*reversed((*k, *(0.0,) * 4)[:4]), 1.0])
+
+    def factor(r: Doubles) -> Doubles:
+        angle = np.arctan(r)
+        return angle * np.polyval(polynomial, angle**2) / r
+
+    intrinsics = lens(*size, f, c)
+    widest = np.tan(WIDEST_RAD)
+    if (widest * factor(np.array([widest])))[0] < _corner(intrinsics):
+        raise Unusable(TOO_WIDE)
+    fitted, error_px = _fitted(intrinsics, factor, float(widest), (0.0, 0.0))
+    if not error_px <= MOST_FISHEYE_ERROR_PX:
+        raise Unusable(TOO_WIDE)
+    return fitted, f"its fisheye lens is fitted by OpenCV's rational one within {error_px:.2g} px"
+
+
+def _fitted(
+    intrinsics: Intrinsics, factor: Factor, widest: float, tangential: tuple[float, float]
+) -> tuple[Intrinsics, float]:
+    """The rational lens nearest to radial factors, and its largest error in pixels.
+
+    Six coefficients by linear least squares of numerator - denominator * factor over the radii of
+    the picture (ours).
+    """
+    r = _radii(intrinsics, factor, widest)
+    told = factor(r)
+    powers = np.stack([r**2, r**4, r**6], axis=1)
+    system = np.concatenate([powers, -told[:, None] * powers], axis=1) * r[:, None]
+    if not np.isfinite(system).all():
+        raise Unusable("its lens cannot be: what it does at the picture's corner is not finite")
+    a1, a2, a3, b1, b2, b3 = np.linalg.lstsq(system, (told - 1) * r, rcond=None)[0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ours = (1 + powers @ [a1, a2, a3]) / (1 + powers @ [b1, b2, b3])
+    error = float(np.abs((ours - told) * r).max()) * max(intrinsics.fx, intrinsics.fy)
+    size, center = (intrinsics.width, intrinsics.height), (intrinsics.cx, intrinsics.cy)
+    dist = (a1, a2, *tangential, a3, b1, b2, b3)
+    return lens(*size, (intrinsics.fx, intrinsics.fy), center, dist), error
+
+
+def _radii(intrinsics: Intrinsics, factor: Factor, widest: float) -> Doubles:
     """Undistorted radii from the axis to where the farthest corner of the picture is reached."""
+    corner = _corner(intrinsics)
+    r = np.linspace(0, widest, 2 * SAMPLES)[1:]
+    reached = np.flatnonzero(r * factor(r) >= corner)
+    return r[: reached[0] + 1] if len(reached) else r[:SAMPLES]
+
+
+def _corner(intrinsics: Intrinsics) -> float:
+    """Distance of the farthest corner from the principal point, in focal lengths."""
     x = max(intrinsics.cx, intrinsics.width - intrinsics.cx) / intrinsics.fx
     y = max(intrinsics.cy, intrinsics.height - intrinsics.cy) / intrinsics.fy
-    corner = float(np.hypot(x, y))
-    r = np.linspace(0, 2 * corner, 2 * SAMPLES)[1:]
-    reached = np.flatnonzero(r * np.polyval(polynomial, r**2) >= corner)
-    return r[: reached[0] + 1] if len(reached) else r[:SAMPLES]
+    return float(np.hypot(x, y))

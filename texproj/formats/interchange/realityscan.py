@@ -13,13 +13,15 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from texproj.camera import Camera, Intrinsics
 from texproj.errors import InputError
+from texproj.formats.documents import read_text
 from texproj.formats.interchange.model import (
     Y_AND_Z_FLIPPED,
     Array,
@@ -37,7 +39,6 @@ from texproj.formats.interchange.model import (
     sentences,
 )
 from texproj.formats.interchange.radial import with_fourth_order
-from texproj.formats.interchange.text import read_text
 
 FILM_MM = 36.0
 POSE = ("x", "y", "alt", "heading", "pitch", "roll")
@@ -75,22 +76,46 @@ def write_realityscan(shots: Sequence[Shot]) -> Written:
 
 
 def _rows(path: Path) -> list[tuple[int, dict[str, str]]]:
-    table = csv.reader(io.StringIO(read_text(path)))
-    header = [word.strip().lstrip("#").lower() for word in next(table, [])]
+    text = read_text(path)
+    separator = _separator(text)
+    try:
+        table = list(_numbered(csv.reader(io.StringIO(text), delimiter=separator)))
+    except csv.Error as error:
+        raise InputError(f"{path}: not a table ({error})") from None
+    header = [word.strip().lstrip("#").lower() for word in table[0][1]] if table else []
     missing = [column for column in COLUMNS if column not in header]
     if missing:
         raise InputError(
             f"{path}: no column {missing[0]!r}; export 'Internal/External camera parameters'"
         )
     rows = []
-    for words in table:
+    for line, words in table[1:]:
         if not any(word.strip() for word in words):
             continue
         if len(words) < len(header):
-            raise InputError(f"{path}, line {table.line_num}: {len(header)} values expected")
+            raise InputError(f"{path}, line {line}: {len(header)} values expected")
+        if any(word.strip() for word in words[len(header) :]):
+            raise InputError(
+                f"{path}, line {line}: {len(words)} values for {len(header)} columns; if decimals"
+                " have commas, export with points, or with semicolons between the values"
+            )
         row = dict(zip(header, words, strict=False))
-        rows.append((table.line_num, {**row, "name": row["name"].strip()}))
+        if separator != ",":
+            row |= {key: row[key].replace(",", ".") for key in COLUMNS[1:]}
+        rows.append((line, {**row, "name": row["name"].strip()}))
     return rows
+
+
+def _numbered(table: Any) -> Iterator[tuple[int, list[str]]]:
+    """The rows of a csv reader with the lines where they end."""
+    for words in table:
+        yield table.line_num, words
+
+
+def _separator(text: str) -> str:
+    """What stands between the columns: spreadsheets of half the world write semicolons."""
+    head = text.partition("\n")[0]
+    return max(",;\t", key=head.count)
 
 
 def _camera(name: str, values: dict[str, float], size: tuple[int, int]) -> ForeignCamera:

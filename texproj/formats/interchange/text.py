@@ -1,48 +1,20 @@
-"""Reading text, XML and JSON of other programs, with one sentence for what is broken."""
+"""Values in the files of other programs, with one sentence for what is missing or another kind."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree as ET
 
 from texproj.errors import InputError
+from texproj.formats.documents import read_json
 
 
-def read_bytes(path: Path) -> bytes:
-    """The content of a file. Raises InputError."""
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-
-
-def read_text(path: Path) -> str:
-    """The text of a file in UTF-8, with or without a byte order mark. Raises InputError."""
-    try:
-        return read_bytes(path).decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: not a text file in UTF-8") from None
-
-
-def read_json(path: Path) -> dict[str, Any]:
+def read_object(path: Path) -> dict[str, Any]:
     """The object of a JSON file. Raises InputError."""
-    try:
-        value = json.loads(read_text(path))
-    except json.JSONDecodeError as error:
-        raise InputError(f"{path}, line {error.lineno}: not JSON ({error.msg})") from None
+    value = read_json(path)
     if not isinstance(value, dict):
         raise InputError(f"{path}: an object in braces expected")
     return value
-
-
-def read_xml(path: Path) -> ET.Element:
-    """The root of an XML file. Raises InputError."""
-    try:
-        return ET.fromstring(read_bytes(path))
-    except ET.ParseError as error:
-        raise InputError(f"{path}: not XML ({error})") from None
 
 
 def member(value: Any, key: str, where: str) -> Any:
@@ -52,9 +24,32 @@ def member(value: Any, key: str, where: str) -> Any:
     return value[key]
 
 
-def members(value: Any, key: str, where: str) -> list[Any]:
-    """An entry that is a list. Raises InputError where it is none."""
+def members(value: Any, key: str, where: str, default: list[Any] | None = None) -> list[Any]:
+    """An entry that is a list; `default` where there is none. Raises InputError."""
+    if default is not None and isinstance(value, dict) and value.get(key) is None:
+        return default
     found = member(value, key, where)
     if not isinstance(found, list):
         raise InputError(f"{where}: {key!r} must be a list")
     return found
+
+
+def word(value: Any, key: str, where: str) -> str:
+    """An entry that is a text. Raises InputError."""
+    found = member(value, key, where)
+    if not isinstance(found, str):
+        raise InputError(f"{where}: {key!r} must be a text")
+    return found
+
+
+def identity(value: Any, key: str, where: str) -> str:
+    """An entry by which others refer to it: a number or a text. Raises InputError."""
+    found = member(value, key, where)
+    if isinstance(found, bool) or not isinstance(found, int | float | str):
+        raise InputError(f"{where}: {key!r} must be a number or a text")
+    return str(found)
+
+
+def whole(text: str) -> int | None:
+    """The number that a text of plain digits is; None for any other text."""
+    return int(text) if text.isascii() and text.isdecimal() and len(text) < 20 else None

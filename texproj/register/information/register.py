@@ -38,7 +38,7 @@ from texproj.register.structure.mirror import mirrored_camera
 from texproj.register.structure.verdict import Verdict, verify
 from texproj.render import Render
 from texproj.solve.pose_search import CameraSteps, curvature
-from texproj.solve.reprojection import projection_jacobian
+from texproj.solve.reprojection import displacement_variance, projection_jacobian
 
 RESTARTS, ASIDE = 2, 0.01
 """Searches that start again beside the result, and how far, as a share of the width."""
@@ -188,7 +188,7 @@ def _fit(task: Task, shown: Comparison, proof: Evidence) -> Fit:
     covariance = _covariance(task, shown, camera)
     free = ("focal",) if task.options.focal else ()
     jacobian = projection_jacobian(camera, shown.points[::40], free)
-    spread = float(np.einsum("nip,pq,niq->n", jacobian, covariance, jacobian).mean())
+    spread = float(displacement_variance(jacobian, covariance).mean())
     scattered = np.mean(np.square(proof.apart)) / (1 + RESTARTS)  # of the mean of all ends
     error = camera.width * float(np.sqrt(spread / camera.width**2 + scattered + SYSTEMATIC**2))
     reason = _refusal(proof, 100 * error / max(camera.width, camera.height), task.options)
@@ -222,7 +222,10 @@ def _covariance(task: Task, shown: Comparison, camera: Camera) -> Doubles:
     """(p, p) of rotation, translation (and log focal) as `Pose.step`: how sharp the peak is."""
     steps = CameraSteps.around(shown.camera, shown.points[::40], task.options.focal)
     bend = -curvature(objective(task, shown, steps, camera), steps.count, CURVATURE_RADIUS_PX)
-    values, vectors = np.linalg.eigh(bend)
+    try:
+        values, vectors = np.linalg.eigh(bend)
+    except np.linalg.LinAlgError:
+        return np.full_like(bend, np.inf)
     in_steps = (vectors / np.maximum(values, LEAST_CURVATURE * max(values[-1], FLAT))) @ vectors.T
     to_delta = steps.pose_delta()
     return to_delta @ in_steps @ to_delta.T

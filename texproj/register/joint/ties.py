@@ -90,10 +90,10 @@ def photo_view(
 def find_ties(i: int, j: int, views: Lookup, radius_px: int) -> TieSearch:
     """Ties of photo j to photo i: j warped into i through the mesh, then patches sought in i."""
     here, other = views[i], views[j]
-    warped, shared = _warped(here, other)
+    there, shared = warped(here, other)
     solid = cv2.erode(shared.astype(np.uint8), np.ones((2 * RIM_PX + 1,) * 2, np.uint8)) > 0
     centers = corner_grid(here.corners, solid)
-    matches = match_patches(gradient_field(warped), here.gradients, centers, PATCH_PX, radius_px)
+    matches = match_patches(gradient_field(there), here.gradients, centers, PATCH_PX, radius_px)
     good = matches.score >= LEAST_SCORE
     x, y = centers[matches.patch[good]].T
     ties = _ties(i, j, views, (x, y), matches.target_px[good])
@@ -126,7 +126,7 @@ def corner_grid(corners: Floats, valid: NDArray[np.bool_]) -> Index:
     return np.stack([column * STEP_PX + inner_x, row * STEP_PX + inner_y], axis=1)
 
 
-def _warped(here: PhotoView, other: PhotoView) -> tuple[Floats, NDArray[np.bool_]]:
+def warped(here: PhotoView, other: PhotoView) -> tuple[Floats, NDArray[np.bool_]]:
     """(h, w) luma of `other` in the picture of `here`, and where both see the same surface."""
     other_from_here = other.camera.pose @ here.camera.pose.inverse
     matrix = np.concatenate([other_from_here.R, other_from_here.t[:, None]], axis=1)

@@ -1,11 +1,11 @@
-"""How far a solved camera may be off over the surface, told from its covariance."""
+"""Expected error of a solved camera over the surface, from its covariance."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from texproj.arrays import Doubles
-from texproj.solve.reprojection import projection_jacobian
+from texproj.solve.reprojection import displacement_variance, projection_jacobian
 from texproj.solve.robust import Estimate
 
 MOST_POINTS = 1000
@@ -39,7 +39,7 @@ def expected_error_px(estimate: Estimate, free: tuple[str, ...], points: Doubles
 def predicted_variance(estimate: Estimate, free: tuple[str, ...], points: Doubles) -> Doubles:
     """(m,) variance of the length of the displacement of each world point's image, px^2."""
     jacobian = projection_jacobian(estimate.camera, points, free)
-    return np.einsum("nij,jk,nik->n", jacobian, estimate.covariance, jacobian)
+    return displacement_variance(jacobian, estimate.covariance)
 
 
 def _picked_box(estimate: Estimate) -> Doubles:

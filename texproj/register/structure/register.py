@@ -33,7 +33,7 @@ from texproj.register.structure.verdict import Verdict, judge
 from texproj.register.structure.view import Observation, StructureView
 from texproj.render import Render
 from texproj.solve.lm import LmFit
-from texproj.solve.reprojection import projection_jacobian
+from texproj.solve.reprojection import displacement_variance, projection_jacobian
 
 ROLLS_DEG = (-14.0, -7.0, 0.0, 7.0, 14.0)
 """Turns about the line of sight that are tried around the start."""
@@ -160,7 +160,7 @@ def _fit(
     shared = SYSTEMATIC * scatter * max(1.0, FULL_AGREEMENT / max(verdict.agreement, 0.01))
     lens = LENS[: len(uncertainty) - 6]
     expected = scale * float(np.hypot(_spread_px(fit.x, seen, uncertainty, lens), shared))
-    reason = verdict.reason or _doubt(expected, camera, options)
+    reason = verdict.reason or _too_uncertain(expected, camera, options)
     return Fit(
         camera=camera,
         method="structure",
@@ -186,10 +186,10 @@ def _spread_px(
 ) -> float:
     """Standard deviation of the surface's image by the fit's covariance, pixels of the level."""
     jacobian = projection_jacobian(camera, seen.xyz_in_world, lens)
-    return float(np.sqrt(np.einsum("nip,pq,niq->n", jacobian, uncertainty, jacobian).mean()))
+    return float(np.sqrt(displacement_variance(jacobian, uncertainty).mean()))
 
 
-def _doubt(expected_px: float, camera: Camera, options: StructureOptions) -> str:
+def _too_uncertain(expected_px: float, camera: Camera, options: StructureOptions) -> str:
     percent = 100 * expected_px / max(camera.width, camera.height)
     if percent <= options.max_error_percent:
         return ""

@@ -1,0 +1,64 @@
+"""How every command runs its stage and tells the outcome, for people or for machines."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable
+from typing import Any, Protocol
+
+from texproj.cli import talk
+from texproj.cli.exits import DONE, SOME_FAILED, UNUSABLE
+from texproj.cli.shared import tell_notes
+from texproj.project import Project
+from texproj.stages.outcomes import Tally
+from texproj.stages.progress import Progress
+
+LOG = logging.getLogger("texproj")
+
+
+class Outcome(Protocol):
+    """What a stage has to tell."""
+
+    @property
+    def tally(self) -> Tally:
+        """How many photos failed."""
+
+    def lines(self) -> Iterable[str]:
+        """For people."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """For --json."""
+
+
+def run_stage(project: Project, json: bool, stage: Callable[[Any, Progress], Outcome]) -> int:
+    """Call `stage` with a workbench of the project and the progress; tell what came of it."""
+    from texproj.stages.bench import Workbench  # noqa: PLC0415
+
+    with Workbench(project) as bench, talk.progress_bars() as progress:
+        outcome = stage(bench, progress)
+    for line in outcome.lines():
+        LOG.info("%s", line)
+    return tell(project, outcome, json)
+
+
+def tell(project: Project, outcome: Outcome, json: bool) -> int:
+    """Say what came of a command; returns the exit code."""
+    notes = tell_notes(project)
+    if json:
+        talk.say_json(outcome.as_dict() | {"notes": notes})
+    else:
+        for line in outcome.lines():
+            talk.say(line)
+    return _code(outcome.tally)
+
+
+def _code(tally: Tally) -> int:
+    if tally.unusable:
+        talk.complain(tally.unusable)
+        return SOME_FAILED if tally.failed else UNUSABLE
+    if tally.failed:
+        talk.complain(
+            f"{tally.failed} of {tally.total} photos could not be {tally.verb};"
+            f" the reasons are above"
+        )
+    return SOME_FAILED if tally.failed else DONE

@@ -1,0 +1,98 @@
+"""A block of photos put onto the mesh without any start: geometry proposes, the photos decide."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from texproj.errors import RegistrationError
+from texproj.mesh import Mesh
+from texproj.register.block.block_fit import BlockFit
+from texproj.register.block.certainty import certainty
+from texproj.register.block.cloud import LEAST_POINTS, Cloud
+from texproj.register.block.decide import Judged, same_place
+from texproj.register.block.mirror_test import MirrorTest, mirror_test
+from texproj.register.block.propose import Proposer
+from texproj.register.block.reconstruction import Reconstruction
+from texproj.register.block.scan import Scan
+from texproj.register.block.search import Search, Told
+from texproj.register.block.verdict import doubt, refusal
+from texproj.register.block.witnesses import LoadPhoto, Witness, called
+from texproj.render import Render
+
+ASKED, ASKED_AT_LAST = 4, 8
+"""Photos that are asked about every place, and about the best."""
+
+
+def place_block(
+    block: Reconstruction,
+    mesh: Mesh,
+    render: Render,
+    load_photo: LoadPhoto,
+    told: Told = lambda what, share: None,
+    seed: int = 0,
+) -> BlockFit:
+    """Where on `mesh` the photos of `block` belong, and whether to believe it.
+
+    render: depth, normal, ambient occlusion and front of the mesh for a camera; load_photo: a
+    photo by name, reduced to about 1024 pixels. The same seed gives the same result. Raises
+    RegistrationError where there is nothing to compare.
+    """
+    told("comparing the photos' points with the mesh", 0.0)
+    cloud = Cloud.of(block, seed)
+    if len(cloud) < LEAST_POINTS:
+        raise RegistrationError(
+            f"the photos have only {len(cloud)} points in common, too few to see the mesh's shape "
+            "in (pick 4 points in one of them)"
+        )
+    scan = Scan.of(mesh, seed)
+    witnesses, broken = called(block, load_photo, render, scan.surface, ASKED_AT_LAST)
+    if not witnesses:
+        raise RegistrationError(next(iter(broken.values()), "the block has no photos"))
+    search = Search(Proposer(cloud, scan, seed), witnesses[:ASKED], told)
+    return _concluded(search.run(), search, block, witnesses, broken)
+
+
+def _concluded(
+    found: list[Judged],
+    search: Search,
+    block: Reconstruction,
+    witnesses: tuple[Witness, ...],
+    broken: dict[str, str],
+) -> BlockFit:
+    if not found:
+        raise RegistrationError(
+            "the points that the photos have in common fit nowhere on the mesh "
+            "(is it the same object? else pick 4 points in one photo)"
+        )
+    best = found[0]
+    elsewhere = [j for j in found[1:] if not same_place(search.witnesses, best, j)]
+    rival = max((j.support for j in elsewhere), default=0.0)
+    search.told("looking at details", 0.7)
+    proposer = search.proposer
+    sure = certainty(witnesses, best, proposer.cloud, proposer.scan.samples)
+    reason = refusal(sure.support, rival)
+    mirror = MirrorTest(0.0)
+    if not reason:
+        search.told("comparing with the mirror image", 0.8)
+        mirror = mirror_test(proposer, witnesses, ASKED, best)
+    return BlockFit(
+        world_from_block=sure.placed.world_from_block,
+        sigma=sure.sigma,
+        pivot=best.place.pivot,
+        focal_factor=float(np.exp(sure.placed.log_focal)),
+        cameras=sure.placed.cameras(dict(zip(block.names, block.cameras, strict=True))),
+        expected_error_percent=sure.expected_percent,
+        support=sure.support,
+        rival=rival,
+        mirror_t=mirror.t,
+        accepted=not reason and not mirror.refused,
+        reason=reason or doubt(mirror),
+        quality={
+            "sight": best.place.sight,
+            "rival_sight": max((j.place.sight for j in elsewhere), default=0.0),
+            "places_tried": len(found),
+            "structure_percent": sure.structure_percent,
+            "photos_asked": [w.name for w in witnesses],
+            "photos_unreadable": broken,
+        },
+    )

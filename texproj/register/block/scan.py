@@ -1,0 +1,32 @@
+"""The mesh as a block is compared with it: samples of its surface, and rays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from texproj.arrays import Doubles
+from texproj.mesh import Mesh
+from texproj.register.block.scan_samples import ScanSamples
+from texproj.render.rays import RayCaster
+
+SURFACE_STEP = 8
+"""Every so many samples are enough to tell where in a photo the mesh is."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """samples: of the surface; caster: of rays. Both in the frame in which the mesh has size 1."""
+
+    samples: ScanSamples
+    caster: RayCaster
+
+    @classmethod
+    def of(cls, mesh: Mesh, seed: int = 0) -> Scan:
+        samples = ScanSamples.of(mesh, seed)
+        unit_from_world = samples.world_from_unit.inverse
+        return cls(samples, RayCaster(unit_from_world.apply(mesh.vertices), mesh.faces))
+
+    @property
+    def surface(self) -> Doubles:
+        """(n, 3) some points all over the mesh, world."""
+        return self.samples.world_from_unit.apply(self.samples.xyz[::SURFACE_STEP])

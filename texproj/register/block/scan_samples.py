@@ -1,0 +1,141 @@
+"""The mesh as points with normals, in a frame in which its size is 1, for placing a block on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.spatial import cKDTree
+
+from texproj.arrays import Bools, Doubles, Floats
+from texproj.mesh import Mesh, face_cross, norms
+from texproj.register.block.similarity import Similarity
+
+SAMPLES = 40_000
+NEIGHBORS = 24
+"""Normals are averaged over so many samples: scans are noisy."""
+RIM = 0.02
+"""Samples closer to the mesh's border than this part of its size are no partners: what lies
+beyond the border would be drawn to it."""
+MOST_RIM = 0.5
+"""A larger share of samples at borders means that the mesh is in pieces; then there is no rim."""
+LOOKUP_CELLS = 96
+"""Cells along the longest side of the table of nearest samples."""
+LOOKUP_MARGIN = 0.3
+MEDIAN_ROUNDS = 30
+
+
+@dataclass(frozen=True, eq=False)
+class NearestTable:
+    """Which sample is nearest, looked up by cell. low: (3,) corner; index: (x, y, z) int32."""
+
+    low: Floats
+    cell: float
+    index: NDArray[np.int32]
+
+    def __call__(self, xyz: Floats) -> tuple[NDArray[np.int32], Bools]:
+        """Numbers of samples near (..., 3) points, and whether the points are in the table."""
+        where = np.floor((xyz - self.low) / np.float32(self.cell)).astype(np.int32)
+        limit = np.array(self.index.shape, np.int32) - 1
+        inside = ((where >= 0) & (where <= limit)).all(axis=-1)
+        where = np.clip(where, 0, limit)
+        flat = (where[..., 0] * self.index.shape[1] + where[..., 1]) * self.index.shape[2]
+        return self.index.ravel()[flat + where[..., 2]], inside
+
+
+@dataclass(frozen=True, eq=False)
+class ScanSamples:
+    """world_from_unit: from the frame in which the mesh has size 1 about the origin.
+
+    xyz, normal: (n, 3) float32 in that frame; partner: (n,) False at the mesh's border.
+    """
+
+    world_from_unit: Similarity
+    xyz: Floats
+    normal: Floats
+    partner: Bools
+
+    @classmethod
+    def of(cls, mesh: Mesh, seed: int = 0) -> ScanSamples:
+        """Points spread evenly over the surface."""
+        rng = np.random.default_rng(seed)
+        xyz, normal = _spread(mesh, SAMPLES, rng)
+        middle, size = middle_and_size(xyz)
+        unit = ((xyz - middle) / size).astype(np.float32)
+        partner = ~_at_rim((_border(mesh) - middle) / size, unit)
+        if partner.mean() < 1 - MOST_RIM:
+            partner[:] = True
+        return cls(Similarity(size, np.eye(3), middle), unit, _smoothed(unit, normal), partner)
+
+    @cached_property
+    def tree(self) -> cKDTree:
+        return cKDTree(self.xyz)
+
+    @cached_property
+    def table(self) -> NearestTable:
+        """The nearest samples, all over the mesh and a little around it."""
+        low = self.xyz.min(axis=0) - LOOKUP_MARGIN
+        span = self.xyz.max(axis=0) + LOOKUP_MARGIN - low
+        cell = float(span.max() / LOOKUP_CELLS)
+        shape = tuple(int(n) for n in np.ceil(span / cell).astype(int))
+        where = np.minimum(((self.xyz - low) / cell).astype(int), np.array(shape) - 1)
+        sample = np.full(shape, -1, np.int32)
+        sample[tuple(where.T)] = np.arange(len(self.xyz))
+        nearest = ndimage.distance_transform_edt(
+            sample < 0, return_distances=False, return_indices=True
+        )
+        return NearestTable(low, cell, np.ascontiguousarray(sample[tuple(nearest)]))
+
+
+def middle_and_size(xyz: Doubles) -> tuple[Doubles, float]:
+    """The geometric median (3,) of points (Weiszfeld 1937), and the radius that holds 80 %."""
+    middle = np.median(xyz, axis=0)
+    for _ in range(MEDIAN_ROUNDS):
+        distance = norms(xyz - middle)
+        weight = 1 / np.maximum(distance, 1e-9 + 1e-3 * distance.mean())
+        middle = (xyz * weight[:, None]).sum(axis=0) / weight.sum()
+    return middle, float(np.quantile(norms(xyz - middle), 0.8))
+
+
+def _spread(mesh: Mesh, count: int, rng: np.random.Generator) -> tuple[Doubles, Doubles]:
+    """(count, 3) points spread by area, stratified, and the unit normals of their faces."""
+    cross = face_cross(mesh.vertices, mesh.faces)
+    area = norms(cross)
+    total = np.cumsum(area)
+    at = (np.arange(count) + rng.random(count)) / count * total[-1]
+    face = np.minimum(np.searchsorted(total, at), len(area) - 1)
+    u, v = np.sqrt(rng.random(count)), rng.random(count)
+    weights = np.stack([1 - u, u * (1 - v), u * v], axis=1)
+    xyz = np.einsum("ni,nij->nj", weights, mesh.vertices[mesh.faces[face]])
+    return xyz, cross[face] / np.maximum(area[face], 1e-300)[:, None]
+
+
+def _smoothed(xyz: Floats, normal: Doubles) -> Floats:
+    """Normals averaged over those of neighbors that face the same way."""
+    count = min(NEIGHBORS, len(xyz))
+    near = normal[cKDTree(xyz).query(xyz, count)[1]].astype(np.float32)
+    same = np.einsum("nkj,nj->nk", near, normal.astype(np.float32)) > 0
+    mean = np.einsum("nkj,nk->nj", near, same.astype(np.float32))
+    return mean / np.maximum(np.linalg.norm(mean, axis=1), 1e-12)[:, None].astype(np.float32)
+
+
+def _border(mesh: Mesh) -> Doubles:
+    """(n, 3) middles of the edges that belong to one face only."""
+    f = mesh.faces.astype(np.int64)
+    ends = np.sort(np.concatenate([f[:, [0, 1]], f[:, [1, 2]], f[:, [2, 0]]]), axis=1)
+    key = ends[:, 0] * len(mesh.vertices) + ends[:, 1]
+    order = np.argsort(key)
+    ranked = key[order]
+    lonely = np.ones(len(key), bool)
+    lonely[1:] &= ranked[1:] != ranked[:-1]
+    lonely[:-1] &= ranked[1:] != ranked[:-1]
+    return mesh.vertices[ends[order[lonely]]].mean(axis=1)
+
+
+def _at_rim(border: Doubles, xyz: Floats) -> Bools:
+    if not len(border):
+        return np.zeros(len(xyz), bool)
+    return np.isfinite(cKDTree(border).query(xyz, distance_upper_bound=RIM)[0])
