@@ -51,10 +51,11 @@ def certainty(
     problem = matched_fit(witnesses, views, best.placed, NEAR, best.place)
     fit = tightened(problem, best.placed, LAST_SCALES)
     placed, covariance = fit.x, _inflated(problem, fit)
-    known = Known(placed, covariance, best.place.pivot, best.place.unit)
-    refined = on_surface(cloud, samples, known)
-    if refined is not None and _agrees(problem, fit.x, refined[0]):
-        placed, covariance = refined
+    if np.isfinite(covariance).all():
+        known = Known(placed, covariance, best.place.pivot, best.place.unit)
+        refined = on_surface(cloud, samples, known)
+        if refined is not None and _agrees(problem, fit.x, refined[0]):
+            placed, covariance = refined
     unit = np.array([1.0] * 3 + [best.place.unit] * 3 + [1.0])
     width = float(np.mean([photo.camera(placed).width for photo in problem.photos]))
     spread = 100 * _spread_px(problem, placed, covariance) / width

@@ -59,7 +59,7 @@ def _concluded(
     witnesses: tuple[Witness, ...],
     broken: dict[str, str],
 ) -> BlockFit:
-    if not found:
+    if not found or not found[0].seen:
         raise RegistrationError(
             "the points that the photos have in common fit nowhere on the mesh "
             "(is it the same object? else pick 4 points in one photo)"

@@ -26,6 +26,8 @@ LOOKUP_CELLS = 96
 """Cells along the longest side of the table of nearest samples."""
 LOOKUP_MARGIN = 0.3
 MEDIAN_ROUNDS = 30
+FACES_AT_ONCE = 1 << 19
+"""Bounds the memory for large meshes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,15 +104,19 @@ def middle_and_size(xyz: Doubles) -> tuple[Doubles, float]:
 
 def _spread(mesh: Mesh, count: int, rng: np.random.Generator) -> tuple[Doubles, Doubles]:
     """(count, 3) points spread by area, stratified, and the unit normals of their faces."""
-    cross = face_cross(mesh.vertices, mesh.faces)
-    area = norms(cross)
+    parts = range(0, len(mesh.faces), FACES_AT_ONCE)
+    area = np.concatenate(
+        [norms(face_cross(mesh.vertices, mesh.faces[k : k + FACES_AT_ONCE])) for k in parts]
+    )
     total = np.cumsum(area)
     at = (np.arange(count) + rng.random(count)) / count * total[-1]
     face = np.minimum(np.searchsorted(total, at), len(area) - 1)
     u, v = np.sqrt(rng.random(count)), rng.random(count)
     weights = np.stack([1 - u, u * (1 - v), u * v], axis=1)
-    xyz = np.einsum("ni,nij->nj", weights, mesh.vertices[mesh.faces[face]])
-    return xyz, cross[face] / np.maximum(area[face], 1e-300)[:, None]
+    chosen = mesh.faces[face]
+    xyz = np.einsum("ni,nij->nj", weights, mesh.vertices[chosen])
+    cross = face_cross(mesh.vertices, chosen)
+    return xyz, cross / np.maximum(area[face], 1e-300)[:, None]
 
 
 def _smoothed(xyz: Floats, normal: Doubles) -> Floats:
@@ -124,15 +130,16 @@ def _smoothed(xyz: Floats, normal: Doubles) -> Floats:
 
 def _border(mesh: Mesh) -> Doubles:
     """(n, 3) middles of the edges that belong to one face only."""
-    f = mesh.faces.astype(np.int64)
-    ends = np.sort(np.concatenate([f[:, [0, 1]], f[:, [1, 2]], f[:, [2, 0]]]), axis=1)
-    key = ends[:, 0] * len(mesh.vertices) + ends[:, 1]
-    order = np.argsort(key)
-    ranked = key[order]
-    lonely = np.ones(len(key), bool)
-    lonely[1:] &= ranked[1:] != ranked[:-1]
-    lonely[:-1] &= ranked[1:] != ranked[:-1]
-    return mesh.vertices[ends[order[lonely]]].mean(axis=1)
+    count = len(mesh.vertices)
+    edges = np.empty((3, len(mesh.faces)), np.int64)
+    for k in range(3):
+        a, b = mesh.faces[:, k], mesh.faces[:, (k + 1) % 3]
+        edges[k] = np.minimum(a, b) * np.int64(count) + np.maximum(a, b)
+    ranked = edges.ravel()
+    ranked.sort()
+    differs = ranked[1:] != ranked[:-1]
+    lonely = np.append(True, differs) & np.append(differs, True)
+    return mesh.vertices[np.stack(np.divmod(ranked[lonely], count))].mean(axis=0)
 
 
 def _at_rim(border: Doubles, xyz: Floats) -> Bools:
