@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from texproj.arrays import Bools, Doubles, Floats
 from texproj.mesh import Mesh, face_cross, norms
+from texproj.register.block.focus import in_relief
 from texproj.register.block.similarity import Similarity
 
 SAMPLES = 40_000
@@ -24,7 +25,13 @@ MOST_RIM = 0.5
 """A larger share of samples at borders means that the mesh is in pieces; then there is no rim."""
 LOOKUP_CELLS = 96
 """Cells along the longest side of the table of nearest samples."""
-LOOKUP_MARGIN = 0.3
+LOOKUP_MARGIN, LOOKUP_REACH = 0.3, 4.0
+"""How far it goes beyond the mesh, and from its middle."""
+LEAST_RELIEF, MOST_RELIEF = 0.02, 0.6
+"""Share of the surface, and size relative to the mesh, between which the relief is a scene of its
+own ..."""
+AROUND_RELIEF = 3.0
+"""... that reaches so far, in its own sizes."""
 MEDIAN_ROUNDS = 30
 FACES_AT_ONCE = 1 << 19
 """Bounds the memory for large meshes."""
@@ -65,7 +72,32 @@ class ScanSamples:
         """Points spread evenly over the surface."""
         rng = np.random.default_rng(seed)
         xyz, normal = _spread(mesh, SAMPLES, rng)
-        middle, size = middle_and_size(xyz)
+        return cls._made(mesh, xyz, normal, *middle_and_size(xyz))
+
+    @classmethod
+    def of_relief(cls, mesh: Mesh, whole: ScanSamples, seed: int = 0) -> ScanSamples | None:
+        """Points around what is neither floor nor wall, in the frame in which that has size 1;
+        None where it is not much smaller than the `whole` mesh.
+        """
+        left = in_relief(whole.xyz, whole.normal, seed)
+        if left.sum() < LEAST_RELIEF * len(left):
+            return None
+        middle, size = middle_and_size(whole.xyz[left].astype(np.float64))
+        if size > MOST_RELIEF:
+            return None
+        middle, size = (
+            whole.world_from_unit.apply(middle[None])[0],
+            whole.world_from_unit.scale * size,
+        )
+        corners = mesh.vertices[mesh.faces[:, 0]]
+        near = Mesh(mesh.vertices, mesh.faces[norms(corners - middle) < AROUND_RELIEF * size])
+        xyz, normal = _spread(near, SAMPLES, np.random.default_rng(seed))
+        return cls._made(mesh, xyz, normal, middle, size)
+
+    @classmethod
+    def _made(
+        cls, mesh: Mesh, xyz: Doubles, normal: Doubles, middle: Doubles, size: float
+    ) -> ScanSamples:
         unit = ((xyz - middle) / size).astype(np.float32)
         partner = ~_at_rim((_border(mesh) - middle) / size, unit)
         if partner.mean() < 1 - MOST_RIM:
@@ -79,13 +111,14 @@ class ScanSamples:
     @cached_property
     def table(self) -> NearestTable:
         """The nearest samples, all over the mesh and a little around it."""
-        low = self.xyz.min(axis=0) - LOOKUP_MARGIN
-        span = self.xyz.max(axis=0) + LOOKUP_MARGIN - low
+        low = np.maximum(self.xyz.min(axis=0) - LOOKUP_MARGIN, -LOOKUP_REACH)
+        span = np.minimum(self.xyz.max(axis=0) + LOOKUP_MARGIN, LOOKUP_REACH) - low
         cell = float(span.max() / LOOKUP_CELLS)
         shape = tuple(int(n) for n in np.ceil(span / cell).astype(int))
-        where = np.minimum(((self.xyz - low) / cell).astype(int), np.array(shape) - 1)
+        where = np.floor((self.xyz - low) / cell).astype(int)
+        inside = ((where >= 0) & (where < shape)).all(axis=1)
         sample = np.full(shape, -1, np.int32)
-        sample[tuple(where.T)] = np.arange(len(self.xyz))
+        sample[tuple(where[inside].T)] = np.flatnonzero(inside)
         nearest = ndimage.distance_transform_edt(
             sample < 0, return_distances=False, return_indices=True
         )
