@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from texproj.formats.cameras import entry_of_record
 from texproj.photo import Photo
 from texproj.project import Project
 from texproj.records import CameraRecord
-from texproj.register.joint.refine import Refined, refine
 from texproj.render import GBuffer
 from texproj.stages.attending import attended
 from texproj.stages.bench import Workbench
@@ -30,6 +29,9 @@ from texproj.stages.freshness import Freshness, Inputs, changed_inputs, file_inp
 from texproj.stages.lenses import lens_of
 from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
+
+if TYPE_CHECKING:
+    from texproj.register.joint.refine import Refined
 
 STAGE = "refine"
 VERSION = 1
@@ -158,6 +160,8 @@ def _usable(project: Project, name: str, entry: CameraRecord) -> CameraRecord | 
 
 
 def _refine(bench: Workbench, before: Mapping[str, CameraRecord], fixed: list[bool]) -> Refined:
+    from texproj.register.joint.refine import refine  # noqa: PLC0415 - slow to load
+
     project = bench.project
     names = list(before)
     cameras = [_camera(record) for record in before.values()]
