@@ -184,7 +184,7 @@ def _concluded(
     rows = range(len(anchors))
     share = np.array([agree[pairs.anchor == k].mean() if k in pairs.anchor else 1.0 for k in rows])
     wrong = share < CONTRADICTS * agree.mean()
-    pivot: Doubles = pairs.world[agree].mean(axis=0)
+    pivot = pairs.world[agree].mean(axis=0)
     information = np.zeros((7, 7))
     for k in rows:
         own = agree & (pairs.anchor == k)
@@ -192,7 +192,7 @@ def _concluded(
             motion = _motion(pairs.world[own], pivot) * pairs.px[own, None, None]
             noise2 = anchors[k].expected_error_px ** 2 + CORRELATED * scale**2 / own.sum()
             information += 7 * np.einsum("nij,nik->jk", motion, motion) / (own.sum() * noise2)
-    covariance: Doubles = np.linalg.pinv(information)
+    covariance = np.asarray(np.linalg.pinv(information), np.float64)
     return Anchored(
         world_from_block=place,
         sigma=np.sqrt(np.diag(covariance)),
