@@ -11,9 +11,9 @@ CHECKOUT = Path(__file__).resolve().parent.parent
 PACKAGE = CHECKOUT / "texproj"
 SOURCES = sorted(PACKAGE.rglob("*.py"))
 PAGE = sorted((PACKAGE / "preview/web/src").glob("*.ts"))
-SAME_ROLE = {"register", "search", "view", "charts", "texels", "texture", "vertices"}
-"""Names that mean the same wherever they stand: a folder's entry, its search, its view of a photo,
-kinds of what is colored."""
+SAME_ROLE = {"register", "search", "verdict", "view", "charts", "texels", "texture", "vertices"}
+"""Names that mean the same wherever they stand: a folder's entry, its search, its verdict, its view
+of a photo, kinds of what is colored."""
 
 
 def id_of(path: Path) -> str:
