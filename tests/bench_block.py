@@ -3,9 +3,9 @@
     python tests/bench_block.py ../shared/data/fountain-P11 ../shared/data/sceaux-castle
 
 Prints for each scene: photos placed, points, their mean error (pixels of the reduced photos), the
-cameras' error after one similarity common to all (mean image motion of the points, full-size
-pixels, median and largest), focal length against the reference, seconds, and megabytes of the
-process that runs COLMAP.
+cameras' error after one similarity common to all (median image motion of the mesh's vertices,
+full-size pixels, median and largest photo), focal length against the reference, seconds, and
+megabytes of the process that runs COLMAP.
 """
 
 from __future__ import annotations
@@ -18,39 +18,16 @@ import time
 from pathlib import Path
 
 import numpy as np
+from block_errors import errors_px
 
 from texproj.formats.cameras import read_cameras
+from texproj.formats.meshes import read_mesh
 from texproj.formats.photos import read_photo, read_photo_info
 from texproj.register.block.structure_from_motion import (
     LONGEST_PX,
     BlockPhoto,
     structure_from_motion,
 )
-
-
-def umeyama(source, target):
-    """scale, R, t with target = scale R source + t (Umeyama, PAMI 1991)."""
-    a, b = source - source.mean(0), target - target.mean(0)
-    u, d, vt = np.linalg.svd(b.T @ a)
-    flip = np.diag([1, 1, np.sign(np.linalg.det(u @ vt))])
-    R = u @ flip @ vt
-    scale = (d * np.diag(flip)).sum() / (a**2).sum()
-    return scale, R, target.mean(0) - scale * R @ source.mean(0)
-
-
-def errors_px(part, reference):
-    """Per photo the mean distance of the points it saw, projected by both cameras."""
-    known = [reference[name] for name in part.names]
-    own = np.array([camera.center for camera in part.cameras])
-    scale, R, t = umeyama(own, np.array([camera.center for camera in known]))
-    world = scale * part.points @ R.T + t
-    out = []
-    for k, camera in enumerate(known):
-        rows = [n for n, seen in enumerate(part.seen_by) if k in seen]
-        there = camera.project(world[rows])[0]
-        here = part.cameras[k].project(part.points[rows])[0]
-        out.append(np.linalg.norm(there - here, axis=1).mean())
-    return np.array(out)
 
 
 def measure(scene: Path, keep: Path | None, every: int) -> str:
@@ -77,7 +54,7 @@ def measure(scene: Path, keep: Path | None, every: int) -> str:
             pickle.dump(part, file)
     records = read_cameras(scene / "cameras_reference.json").records
     reference = {r.file: r.camera for r in records}
-    off = errors_px(part, reference)
+    off = errors_px(part, reference, read_mesh(scene / "mesh.ply")[0])
     k, true = part.cameras[0].intrinsics, reference[part.names[0]].intrinsics
     return (
         f"{scene.name}: {len(part.names)} of {len(photos)} placed, {len(part.points)} points,"

@@ -97,55 +97,72 @@ class Wall:
         return {name: self.photo(name) for name in self.cameras}
 
 
-def block_of(wall: Wall, frame: Similarity, count: int = 1800, seed: int = 0) -> Reconstruction:
-    """What structure from motion would make of the wall's photos, in a frame of its own.
+def block_of(
+    solid: trimesh.Trimesh,
+    cameras: dict[str, Camera],
+    frame: Similarity,
+    count: int = 1800,
+    seed: int = 0,
+) -> Reconstruction:
+    """What structure from motion would make of photos of a solid, in a frame of its own.
 
-    frame: block from wall. Points lie where photos have texture, which is in clusters; each is
+    frame: block from world. Points lie where photos have texture, which is in clusters; each is
     off by a pixel or so, more along the line of sight than across, and one in ten by a lot.
     """
-    rng = np.random.default_rng([wall.seed, seed])
-    cameras = list(wall.cameras.values())
-    xyz, viewers = _seen_points(wall, cameras, count, rng)
-    rays = np.array([c.center for c in cameras])[[v[0] for v in viewers]] - xyz
+    rng = np.random.default_rng(seed)
+    views = list(cameras.values())
+    xyz, viewers = _seen_points(solid, views, count, rng)
+    rays = np.array([c.center for c in views])[[v[0] for v in viewers]] - xyz
     distance = np.linalg.norm(rays, axis=1, keepdims=True)
-    across = 1.0 * distance / cameras[0].intrinsics.fx
+    across = 1.0 * distance / views[0].intrinsics.fx
     xyz = xyz + rng.standard_normal(xyz.shape) * across
     xyz += rays / distance * rng.standard_normal(distance.shape) * 3 * across
     wild = rng.random(len(xyz)) < 0.1
     xyz[wild] += 0.3 * rays[wild] * rng.standard_normal((int(wild.sum()), 1))
-    in_frame = tuple(frame.camera(camera) for camera in cameras)
-    return reconstruction(tuple(wall.cameras), in_frame, frame.apply(xyz), viewers)
+    starts = np.concatenate([[0], np.cumsum([len(v) for v in viewers])])
+    return Reconstruction(
+        names=tuple(cameras),
+        cameras=tuple(frame.camera(camera) for camera in views),
+        lenses=("lens",) * len(views),
+        points=frame.apply(xyz),
+        error_px=np.full(len(xyz), 0.7),
+        angle_rad=np.full(len(xyz), np.radians(20.0)),
+        track_starts=starts,
+        observer=np.concatenate(viewers),
+        xy_px=np.zeros((starts[-1], 2), np.float32),
+    )
 
 
 def _seen_points(
-    wall: Wall, cameras: list[Camera], count: int, rng: np.random.Generator
+    solid: trimesh.Trimesh, cameras: list[Camera], count: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, list[np.ndarray]]:
     """Points of the surface that two cameras or more see, and which do."""
     clusters = rng.random((60, 2))
+    each = count // len(cameras)
     found, viewers = [], []
     for camera in cameras:
-        spread = clusters[rng.integers(0, 60, count)] + rng.normal(0, 0.04, (count, 2))
+        spread = clusters[rng.integers(0, 60, 2 * each)] + rng.normal(0, 0.04, (2 * each, 2))
         origins, rays = camera.rays(spread * (camera.width, camera.height))
-        hit = wall.solid.ray.intersects_location(origins, rays, multiple_hits=False)[0]
-        seen = np.stack([_sees(wall, other, hit) for other in cameras], axis=1)
-        few = np.flatnonzero(seen.sum(axis=1) >= 2)[: count // len(cameras)]
+        hit = solid.ray.intersects_location(origins, rays, multiple_hits=False)[0]
+        seen = np.stack([_sees(solid, other, hit) for other in cameras], axis=1)
+        few = np.flatnonzero(seen.sum(axis=1) >= 2)[:each]
         found.append(hit[few])
         viewers += [np.flatnonzero(row) for row in seen[few]]
     return np.concatenate(found), viewers
 
 
-def _sees(wall: Wall, camera: Camera, xyz: np.ndarray) -> np.ndarray:
+def _sees(solid: trimesh.Trimesh, camera: Camera, xyz: np.ndarray) -> np.ndarray:
     to_eye = camera.center - xyz
     start = xyz + 1e-4 * to_eye
-    return camera.inside(camera.project(xyz)[0]) & ~wall.solid.ray.intersects_any(start, to_eye)
+    return camera.inside(camera.project(xyz)[0]) & ~solid.ray.intersects_any(start, to_eye)
 
 
-def reconstruction(names, cameras, points, viewers) -> Reconstruction:
-    return Reconstruction(
-        names,
-        cameras,
-        points,
-        np.full(len(points), 0.7),
-        np.full(len(points), np.radians(20.0)),
-        tuple(viewers),
-    )
+def error_percent(found: Camera, true: Camera, points: np.ndarray, normals: np.ndarray) -> float:
+    """Mean distance between two cameras' images of the points that face the true one inside its
+    picture, percent of the width.
+    """
+    xy, depth = true.project(points)
+    toward = ((true.center - points) * normals).sum(axis=1) > 0
+    seen = true.inside(xy) & (depth > 0) & toward
+    gap = np.linalg.norm(found.project(points[seen])[0] - xy[seen], axis=1)
+    return float(100 * np.nan_to_num(gap, nan=1e6).mean() / true.width)

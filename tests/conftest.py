@@ -39,3 +39,20 @@ def demo_folder(tmp_path_factory):
 def project_folder(demo_folder, tmp_path):
     """A copy of the small synthetic project that a test may change."""
     return Path(shutil.copytree(demo_folder, tmp_path / "stele"))
+
+
+@pytest.fixture(scope="session")
+def sample():
+    """The sample project as it is in the repository; nothing may be written there."""
+    return CHECKOUT / "projects/stele"
+
+
+@pytest.fixture(scope="session")
+def stele(sample, tmp_path_factory):
+    """A copy of the sample project that `texproj run` has been through; copy it to change it."""
+    from texproj.cli import main
+
+    made = shutil.ignore_patterns("work", "out")
+    folder = shutil.copytree(sample, tmp_path_factory.mktemp("sample") / "stele", ignore=made)
+    assert main(["run", str(folder)]) == 0
+    return folder

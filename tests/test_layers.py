@@ -32,20 +32,20 @@ def table() -> dict[str, int]:
 
 
 def row_of(path: Path) -> str:
-    """The row of the table that holds a file: the longest that begins its path."""
+    """The row of the table that holds a file: the longest that begins its path.
+
+    The `__init__.py` of a folder whose parts have rows of their own counts to the highest of them.
+    Raises LookupError for a file without a row.
+    """
     name = path.relative_to(PACKAGE).as_posix()
     found = [row for row in table() if name == row or name.startswith(f"{row}/")]
     if found:
         return max(found, key=len)
-    return row_of_package(path)
-
-
-def row_of_package(path: Path) -> str:
-    """The `__init__.py` of a folder whose parts have rows of their own: the highest of these."""
-    inside = f"{path.parent.relative_to(PACKAGE).as_posix()}/"
-    rows = [row for row in table() if row.startswith(inside)]
-    assert path.name == "__init__.py" and rows, f"{id_of(path)} has no row in the table"
-    return max(rows, key=lambda row: table()[row])
+    inside = f"{Path(name).parent.as_posix()}/"
+    parts = [row for row in table() if row.startswith(inside)]
+    if path.name != "__init__.py" or not parts:
+        raise LookupError(f"{id_of(path)} has no row in the table of docs/architecture.md")
+    return max(parts, key=lambda row: table()[row])
 
 
 def file_of(module: str) -> Path | None:
@@ -125,6 +125,18 @@ def test_the_table_runs_from_bottom_to_top_and_holds_nothing_that_is_gone():
 
     assert floors == sorted(floors)
     assert [row for row in table() if not (PACKAGE / row).exists()] == []
+
+
+def test_every_file_has_a_row():
+    """Whoever adds a folder or a module says on which floor it stands."""
+    lost = []
+    for path in SOURCES:
+        try:
+            row_of(path)
+        except LookupError:
+            lost.append(id_of(path))
+
+    assert lost == []
 
 
 def test_imports_go_down():

@@ -1,6 +1,9 @@
 """What is installed from the wheel works away from the checkout, shaders included."""
 
 import importlib.util
+import json
+import os
+import re
 import subprocess
 import sys
 import sysconfig
@@ -8,6 +11,9 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from make_wheels import PYTHONS, TABLE, dependencies, is_specific, tags
+
+from texproj import doctor
 
 CHECKOUT = Path(__file__).resolve().parent.parent
 
@@ -84,7 +90,8 @@ def test_the_wheel_holds_every_shader_and_no_tests(wheel):
     }
     assert "texproj/shaders/gbuffer.frag" in shaders
     assert shaders <= names
-    assert not [name for name in names if name.startswith(("tests", "projects"))]
+    assert "texproj/py.typed" in names
+    assert not [name for name in names if name.startswith(("tests", "projects", "docs"))]
 
 
 def test_every_shader_of_the_installed_package_compiles(python, tmp_path):
@@ -94,3 +101,95 @@ def test_every_shader_of_the_installed_package_compiles(python, tmp_path):
     if "no OpenGL" in out:
         pytest.skip(out.strip().splitlines()[-1])
     assert "compiled gbuffer ['LENS']" in out
+
+
+# --- every Python
+
+
+def lacking(python: str) -> set[str]:
+    """The compiled dependencies that have no wheel for a Python."""
+    table = json.loads(TABLE.read_text())
+    return {name for name, pythons in table.items() if python not in pythons}
+
+
+def test_the_table_of_wheels_knows_every_compiled_dependency():
+    """What is neither py3-none nor abi3 here stands in tests/wheels.json; what is came as a wheel,
+    or is listed as lacking one for this Python.
+    """
+    python = f"{sys.version_info.major}.{sys.version_info.minor}"
+    specific = {name for name in dependencies() if is_specific(name)}
+    compiled = {name for name in specific if not any("manylinux" in tag for tag in tags(name))}
+
+    assert specific >= {"numpy", "xatlas"}
+    assert specific - set(json.loads(TABLE.read_text())) == set(), "python tests/make_wheels.py"
+    if sys.platform == "linux":
+        assert compiled <= lacking(python)
+
+
+def test_readme_installs_a_compiler_where_wheels_lack():
+    """The first Python that some dependency has no wheel for is the one that README's commands ask
+    for; doctor knows the same dependencies.
+    """
+    text = (CHECKOUT / "README.md").read_text()
+    asked = re.findall(r"sys\.version_info >= \((\d+), (\d+)\)", text)
+    first = next(python for python in PYTHONS if lacking(python))
+    last = {name: PYTHONS.index(f"{a}.{b}") for name, (a, b) in doctor.LAST_WHEELS.items()}
+
+    assert {".".join(python) for python in asked} == {first}
+    for number, python in enumerate(PYTHONS):
+        assert {name for name in last if last[name] < number} == lacking(python), python
+
+
+def test_doctor_says_why_a_package_is_missing():
+    """A dependency without a wheel names the compiler; others name pip."""
+    why = doctor.missing_package("xatlas", (3, 14))
+
+    assert not why.good and "no wheel for Python 3.14" in why.detail
+    assert "g++ python3-dev" in why.remedy and "pip install xatlas" in why.remedy
+    assert doctor.missing_package("xatlas", (3, 13)).remedy == "pip install xatlas"
+    assert doctor.missing_package("numpy", (3, 14)).remedy == "pip install numpy"
+
+
+# --- types for users
+
+
+def test_public_names_have_types(tmp_path):
+    """mypy, on somebody else's file, knows each public name; none is Any. The examples of
+    docs/python.md are such a file.
+    """
+    import texproj
+
+    page = (CHECKOUT / "docs/python.md").read_text()
+    examples = re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
+    lines = [*examples, *(f"reveal_type(texproj.{name})" for name in texproj.__all__)]
+    wrong = ["name: int = texproj.Project.open", "texproj.no_such_name"]
+    script = tmp_path / "script.py"
+    script.write_text("\n".join([*lines, *wrong]) + "\n")
+    done = subprocess.run(
+        [sys.executable, "-m", "mypy", "--config-file", CHECKOUT / "pyproject.toml",
+         "--cache-dir", CHECKOUT / ".mypy_cache", script],
+        cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(CHECKOUT)},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    revealed = re.findall(r'Revealed type is "(.*)"', done.stdout)
+
+    assert len(revealed) == len(texproj.__all__), done.stdout + done.stderr
+    assert [text for text in revealed if text in ("Any", "builtins.object")] == []
+    assert done.stdout.count(": error:") == 2, done.stdout
+
+
+def test_public_names_are_loaded_from_where_their_types_are():
+    """The lazy loader and the imports for type checkers say the same."""
+    import ast
+
+    import texproj
+
+    tree = ast.parse((CHECKOUT / "texproj/__init__.py").read_text())
+    (block,) = [n for n in tree.body if isinstance(n, ast.If) and "TYPE" in ast.dump(n.test)
+                and isinstance(n.test, ast.Name)]  # fmt: skip
+    typed = {a.name: n.module for n in block.body if isinstance(n, ast.ImportFrom) for a in n.names}
+
+    assert typed == texproj._HOMES
+    assert {*typed, "__version__"} == set(texproj.__all__)
+    for name in texproj.__all__:
+        assert getattr(texproj, name) is not None

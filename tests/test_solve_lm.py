@@ -80,7 +80,7 @@ def test_covariance_estimates_the_scatter():
     assert np.allclose(fit.covariance()[::-1, ::-1], truth * rest, rtol=1e-6)
 
 
-@pytest.mark.parametrize("loss", [Loss("l2"), Loss("cauchy", 2.0)])
+@pytest.mark.parametrize("loss", [Loss("l2"), Loss("cauchy", 2.0), Loss("geman-mcclure", 4.0)])
 def test_covariance_predicts_the_spread_over_repetitions(loss):
     """The predicted standard deviations match those of 300 repeated measurements within 15 %."""
     fits = [minimize(Line(*noisy_line(seed, 60), 0.3), START, loss) for seed in range(300)]
@@ -101,7 +101,7 @@ def test_a_robust_loss_resists_what_moves_least_squares():
     assert abs(robust - truth).max() < 0.2
 
 
-@pytest.mark.parametrize("kind", ["l2", "cauchy"])
+@pytest.mark.parametrize("kind", ["l2", "cauchy", "geman-mcclure"])
 def test_weight_and_curvature_are_derivatives_of_the_cost(kind):
     """rho' and s rho'' agree with central differences of rho."""
     loss, h = Loss(kind, 1.5), 1e-5

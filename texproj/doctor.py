@@ -6,7 +6,7 @@ import ctypes
 import os
 import platform
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, requires, version
 from re import match
 
@@ -93,5 +93,9 @@ def _packages() -> list[Finding]:
         try:
             findings.append(Finding(name, True, version(name)))
         except PackageNotFoundError:
-            findings.append(missing_package(name))
+            finding = missing_package(name)
+            if ";" in requirement:
+                limit = f"{finding.remedy}, where there is a package for this system"
+                finding = replace(finding, remedy=limit)
+            findings.append(finding)
     return findings

@@ -51,6 +51,7 @@ class MeshSource:
     source_faces: (T, 3) int32 valid faces of the file in its order, into source_vertices.
     vertex_of_source: (S,) int32, the repaired vertex of each file vertex; -1 where it has none.
     repairs: what was repaired, by name, with counts; empty for a clean mesh.
+    notes: what a person should know about the file, one sentence each.
     """
 
     mesh: Mesh
@@ -58,6 +59,7 @@ class MeshSource:
     source_faces: NDArray[np.int32]
     vertex_of_source: NDArray[np.int32]
     repairs: dict[str, int]
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

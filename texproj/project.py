@@ -22,9 +22,9 @@ from texproj.files import (
     staging,
     write_atomically,
 )
-from texproj.formats.cameras import cameras_json, read_cameras
+from texproj.formats.cameras import CameraFile, cameras_json, read_cameras
 from texproj.formats.correspondences import correspondences_csv, read_correspondences
-from texproj.formats.meshes import MESH_SUFFIXES, read_mesh
+from texproj.formats.meshes import MESH_SUFFIXES, read_mesh_file
 from texproj.formats.photos import PHOTO_SUFFIXES, read_photo, read_photo_info
 from texproj.intake import Found, find_masks, find_photos, find_picks, one_of
 from texproj.mesh import MeshSource
@@ -161,11 +161,13 @@ class Project:
     def load_mesh(self) -> MeshSource:
         """The mesh, read and repaired in memory. Raises InputError."""
         path = self.mesh_path
-        vertices, faces = read_mesh(path)
+        file = read_mesh_file(path)
         try:
-            return repair(vertices, faces)
+            source = repair(file.vertices, file.faces)
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
+        notes = tuple(f"{path}: {note}" for note in (*file.notes, *source.notes))
+        return replace(source, notes=notes)
 
     def photo_info(self, name: str) -> PhotoInfo:
         """What the photo's header says. Raises InputError."""
@@ -205,21 +207,36 @@ class Project:
 
     def load_cameras(self) -> dict[str, CameraRecord]:
         """The entries of cameras.json by photo name; empty if there is no such file."""
-        if not self.cameras_path.exists():
-            return {}
-        return {record.file: record for record in read_cameras(self.cameras_path).records}
+        return {record.file: record for record in self._camera_file.records}
 
     def save_cameras(self, records: Iterable[CameraRecord]) -> None:
         """Write `records` over the entries of the same photos, keeping all others.
 
         Raises OutputError.
         """
-        path = self.cameras_path
-        old = read_cameras(path) if path.exists() else None
-        merged = {r.file: r for r in old.records} if old else {}
-        merged.update({record.file: record for record in records})
+        old = self._camera_file
+        merged = {record.file: record for record in (*old.records, *records)}
         ordered = [merged[name] for name in sorted(merged)]
-        write_atomically(path, cameras_json(ordered, old.extra if old else {}))
+        write_atomically(self.cameras_path, cameras_json(ordered, old.extra))
+
+    @property
+    def _camera_file(self) -> CameraFile:
+        """What cameras.json holds, parsed again only where another file stands there now."""
+        try:
+            stat = self.cameras_path.stat()
+        except (FileNotFoundError, NotADirectoryError):
+            return CameraFile([], {})
+        stamp = (stat.st_ino, stat.st_size, stat.st_mtime_ns)
+        if stamp not in self._parsed:
+            parsed = read_cameras(self.cameras_path)
+            self._parsed.clear()
+            self._parsed[stamp] = parsed
+        return self._parsed[stamp]
+
+    @cached_property
+    def _parsed(self) -> dict[tuple[int, int, int], CameraFile]:
+        """The last cameras.json that was read, by what tells it from others."""
+        return {}
 
     def save_registration(
         self, records: Iterable[CameraRecord], stage: str, made: Mapping[str | None, Any]
@@ -249,6 +266,10 @@ class Project:
         return self.root / "work"
 
     @property
+    def log_folder(self) -> Path:
+        return self.work / "log"
+
+    @property
     def out(self) -> Path:
         return self.root / "out"
 
@@ -268,6 +289,15 @@ class Project:
     def save_record(self, stage: str, name: str | None, record: dict[str, Any]) -> None:
         """Keep what a stage has to say about its run. Raises OutputError."""
         write_atomically(self.record_path(stage, name), json.dumps(record, indent=1))
+
+    def features_path(self) -> Path:
+        """The file in which features and matches of photos are kept from run to run. Raises
+        OutputError where there can be none.
+        """
+        folder = self.work / "block"
+        with staging(folder):
+            pass
+        return folder / "features.db"
 
     def load_array(self, key: str) -> NDArray[Any] | None:
         """The array cached under `key`, None if there is none."""

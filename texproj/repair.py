@@ -8,10 +8,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from texproj.errors import InputError
-from texproj.mesh import Mesh, MeshSource, face_cross
+from texproj.mesh import Mesh, MeshSource, face_cross, norms
 
 Index = NDArray[np.int64]
 Bools = NDArray[np.bool_]
+
+COARSE = 0.1
+"""Steps of single precision, over the usual edge, from which a mesh has lost its shape."""
+
+MOST_SAMPLED = 200_000
+"""Faces from which the usual edge is taken."""
 
 ROUNDING = 4 * np.finfo(np.float64).eps
 """Height of a triangle, over its largest coordinate, that rounding alone can make."""
@@ -46,7 +52,27 @@ def repair(vertices: ArrayLike, faces: ArrayLike) -> MeshSource:
     ).astype(np.int32)  # fmt: skip
     repairs = _vertex_counts(finite, welded, used) | repairs
     mesh = Mesh(source[used], vertex_of_source[kept])
-    return MeshSource(mesh, source, kept, vertex_of_source, {k: n for k, n in repairs.items() if n})
+    done = {name: count for name, count in repairs.items() if count}
+    return MeshSource(mesh, source, kept, vertex_of_source, done, _precision(mesh))
+
+
+def _precision(mesh: Mesh) -> tuple[str, ...]:
+    """A warning where the coordinates come from single precision that was too coarse for them."""
+    xyz = mesh.vertices
+    with np.errstate(over="ignore"):
+        single = xyz.astype(np.float32)
+    if not np.isfinite(single).all() or not (single == xyz).all():
+        return ()
+    step = float(np.spacing(np.abs(single).max()))
+    rows = mesh.faces[:: max(1, len(mesh.faces) // MOST_SAMPLED)]
+    edge = float(np.median(norms(xyz[rows[:, 0]] - xyz[rows[:, 1]])))
+    if step < COARSE * edge:
+        return ()
+    return (
+        f"its coordinates are so large that single precision rounds them to steps of {step:.3g},"
+        f" while its edges are about {edge:.3g} long: export it in double precision, or near the"
+        " origin",
+    )
 
 
 def first_equal_rows(rows: NDArray[np.float64] | Index) -> Index:

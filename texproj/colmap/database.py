@@ -89,10 +89,10 @@ class FeatureStore:
             return int(number)
         if image.camera_id != camera:
             image.camera_id = camera
-            self._db.update_image(image)
             frame.frame_id = image.frame_id
-            frame.add_data_id(self._db.read_image(image.image_id).data_id)
-            self._db.update_frame(frame)
+            frame.add_data_id(image.data_id)
+            self._db.update_frame(frame)  # first, since an image's frame must know its camera
+            self._db.update_image(image)
         return int(image.image_id)
 
     def calibrated_cameras(self) -> set[int]:

@@ -47,8 +47,8 @@ class Problem(Protocol[X]):
 class Loss:
     """A robust loss rho of the squared length s of a whitened residual row, rho'(0) = 1.
 
-    l2: s itself; cauchy: scale^2 log(1 + s/scale^2); geman-mcclure: s / (1 + s/scale^2), smooth, and
-    constant in the end (Geman and McClure 1987).
+    l2: s itself; cauchy: scale^2 log(1 + s/scale^2); geman-mcclure: s / (1 + s/scale^2), smooth,
+    and constant in the end (Geman and McClure 1987).
     """
 
     kind: Literal["l2", "cauchy", "geman-mcclure"] = "l2"
@@ -90,7 +90,9 @@ class LmOptions:
 
 @dataclass(frozen=True, eq=False)
 class LmFit(Generic[X]):
-    """x: the minimum; cost: sum of robust costs and squared priors; weights: (n,) of the rows;
+    """The end of a minimization.
+
+    x: the minimum; cost: sum of robust costs and squared priors; weights: (n,) of the rows;
     residual: (n, d) there; data_hessian, prior_hessian: (p, p) Gauss-Newton J'WJ, dense or
     sparse; scatter2: estimated variance factor of the residuals (1 = as whitened).
     """

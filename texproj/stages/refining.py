@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from texproj.formats.cameras import entry_of_record
 from texproj.photo import Photo
 from texproj.project import Project
 from texproj.records import CameraRecord
-from texproj.register.joint.refine import Refined, refine
 from texproj.render import GBuffer
 from texproj.stages.attending import attended
 from texproj.stages.bench import Workbench
@@ -27,8 +26,12 @@ from texproj.stages.entries import (
     start_of,
 )
 from texproj.stages.freshness import Freshness, Inputs, changed_inputs, file_inputs, options_inputs
+from texproj.stages.lenses import lens_of
 from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
+
+if TYPE_CHECKING:
+    from texproj.register.joint.refine import Refined
 
 STAGE = "refine"
 VERSION = 1
@@ -157,6 +160,8 @@ def _usable(project: Project, name: str, entry: CameraRecord) -> CameraRecord | 
 
 
 def _refine(bench: Workbench, before: Mapping[str, CameraRecord], fixed: list[bool]) -> Refined:
+    from texproj.register.joint.refine import refine  # noqa: PLC0415 - slow to load
+
     project = bench.project
     names = list(before)
     cameras = [_camera(record) for record in before.values()]
@@ -165,23 +170,13 @@ def _refine(bench: Workbench, before: Mapping[str, CameraRecord], fixed: list[bo
     def load(number: int, longest: int) -> Photo:
         return project.load_photo(names[number], longest)
 
-    lenses = [_lens(project, name, record) for name, record in before.items()]
+    lenses = [lens_of(project, name, start_of(record)) for name, record in before.items()]
     options = project.settings.refine
 
     def render(camera: Camera) -> GBuffer:
         return bench.plain_scene.gbuffer(camera, CHANNELS)
 
     return refine(cameras, sigma, fixed, lenses, load, render, options)
-
-
-def _lens(project: Project, name: str, record: CameraRecord) -> str:
-    """What the photos taken through the same lens at the same zoom have in common."""
-    start = start_of(record)
-    if start is not None and start.intrinsics is not None:
-        return repr(start.intrinsics)
-    info = project.photo_info(name)
-    longer, shorter = max(info.width, info.height), min(info.width, info.height)
-    return repr((info.camera_body, longer, shorter, info.focal_px))
 
 
 def _camera(record: CameraRecord) -> Camera:

@@ -43,9 +43,17 @@ Together = Callable[[Workbench, Sequence[str], Progress], Mapping[str, Fit | str
 """A step that places many photos at once: for each that it was given, a fit, or why there is none.
 Entries are traced to method "block" and to all photos that it was given."""
 
-TOGETHER: tuple[Together, ...] = ()
+
+def _block(bench: Workbench, names: Sequence[str], progress: Progress) -> Mapping[str, Fit | str]:
+    """All at once, by structure from motion."""
+    from texproj.stages.blocking import place_together  # noqa: PLC0415 - slow to load
+
+    return place_together(bench, names, progress)
+
+
+TOGETHER: tuple[Together, ...] = (_block,)
 """These steps are tried in this order on photos without picks and without a camera to start from,
-before photos are attended one by one."""
+if no photo is registered through which they could be found."""
 
 
 def register_photos(
@@ -64,9 +72,9 @@ def register_photos(
     with Keeper(project) as keeper:
         run = _Run(bench, chosen, keeper, progress)
         run.keep()
-        if run.asked == AUTO:
-            run.attend_together()
         run.attend_alone()
+        if run.asked == AUTO and not run.any_registered:
+            run.attend_together()
         if run.asked in (AUTO, "features"):
             run.attend_through_others()
     progress(STAGE, len(chosen), len(chosen), "")
@@ -84,7 +92,8 @@ class _Run:
 
     waiting: those without an outcome; shaken: those of them that were found through others before,
     so that their old cameras prove nothing; own: what came of what was tried before others were
-    asked; places: the photos from whose place each was tried already.
+    asked; places: the photos from whose place each was tried already; faulty: those that were in a
+    block when a fault was met.
     """
 
     def __init__(
@@ -106,8 +115,14 @@ class _Run:
         self.places: dict[str, set[str]] = {}
         self.blocks: dict[str, tuple[str, ...]] = {}
         self.failed_with: dict[str, Evidence] = {}
+        self.faulty: set[str] = set()
 
     # --- what is known
+
+    @property
+    def any_registered(self) -> bool:
+        """Whether there is a photo through which others could be found."""
+        return any(entry.registered_camera is not None for entry in self.entries.values())
 
     def through(self, name: str) -> tuple[str, ...]:
         entry = self.entries.get(name)
@@ -161,6 +176,7 @@ class _Run:
             told = attended(", ".join(names), lambda: step(self.bench, names, self.progress))
         except PhotoFaultError as error:
             told = dict.fromkeys(names, str(error))
+            self.faulty |= set(names)
         return {
             name: Search(None, (fit,), ("block",)) if isinstance(fit, str)
             else Search().then([("block", partial(believed, fit))])
@@ -232,6 +248,8 @@ class _Run:
         self.progress(STAGE, done, len(self.chosen), name)
         job, before = self.job(name), self.entries.get(name)
         found, why = _searched(job, search)
+        if found.fit is None and name in self.faulty:
+            why = {**why, FAULT: True}
         record = _record(job, found, why)
         record = replace(record, extra=before.extra if before is not None else {})
         tried = tuple(dict.fromkeys([*self.own.get(name, Search()).tried, *found.tried]))

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from texproj.camera import Camera, Intrinsics, Pose
-from texproj.errors import InputError
+from texproj.errors import InputError, excerpt
 from texproj.formats.camera_bounds import checked_translation
 from texproj.formats.documents import read_text
 from texproj.formats.interchange.model import (
@@ -67,7 +67,7 @@ def read_bundler(path: Path, size_of: SizeOf) -> ForeignModel:
             absent.append(name)
         else:
             try:
-                found.append(ForeignCamera(name, _camera(row, size, f"{path}, {name}")))
+                found.append(ForeignCamera(name, _camera(row, size, f"{path}, {excerpt(name)}")))
             except Unusable as reason:
                 refused[name] = str(reason)
     return ForeignModel(tuple(found), refused, tuple(absent))

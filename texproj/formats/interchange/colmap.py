@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from texproj.camera import Camera, Intrinsics, Pose
-from texproj.errors import InputError
+from texproj.errors import InputError, excerpt
 from texproj.formats.camera_bounds import checked_translation
 from texproj.formats.documents import read_bytes, read_text
 from texproj.formats.interchange.model import (
@@ -83,7 +83,7 @@ def read_colmap(path: Path, size_of: SizeOf) -> ForeignModel:
     cameras = (_binary_cameras if binary else _text_cameras)(files[0])
     found, refused = [], {}
     for name, number, values in (_binary_images if binary else _text_images)(files[1]):
-        where = f"{files[1]}, {name}"
+        where = f"{files[1]}, {excerpt(name)}"
         if number not in cameras:
             raise InputError(f"{where}: camera {number} is not in {files[0].name}")
         try:

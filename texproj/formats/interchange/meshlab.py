@@ -15,7 +15,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from texproj.camera import Camera, Intrinsics
-from texproj.errors import InputError
+from texproj.errors import InputError, excerpt
 from texproj.formats.camera_bounds import checked_translation
 from texproj.formats.documents import read_xml
 from texproj.formats.interchange.model import (
@@ -53,14 +53,14 @@ def read_meshlab(path: Path, size_of: SizeOf) -> ForeignModel:
     root = read_xml(path)
     if root.tag != "MeshLabProject":
         raise InputError(
-            f"{path}: not a MeshLab project (<{root.tag}> instead of <MeshLabProject>)"
+            f"{path}: not a MeshLab project (<{excerpt(root.tag)}> instead of <MeshLabProject>)"
         )
     found, refused = [], {}
     layer, notes = _layer_matrix(root, path)
     for raster in root.iter("MLRaster"):
         name = _name(raster)
         try:
-            found.append(_raster(raster, layer, name, f"{path}, {name}"))
+            found.append(_raster(raster, layer, name, f"{path}, {excerpt(name)}"))
         except Unusable as reason:
             refused[name] = str(reason)
     return ForeignModel(tuple(found), refused, notes=notes)
@@ -133,7 +133,7 @@ def _intrinsics(vcg: ET.Element, where: str) -> Intrinsics:
     focal = numbers(vcg.get("FocalMm"), 1, f"{where}, FocalMm")
     size = numbers(vcg.get("PixelSizeMm"), 2, f"{where}, PixelSizeMm")
     cx, cy_up = numbers(vcg.get("CenterPx"), 2, f"{where}, CenterPx")
-    if not min(size) > 0 or not np.isfinite(focal / size).all():
+    if not min(size) > 1 / MOST_SCALE:
         raise Unusable("its pixels have no size")
     return lens(width, height, focal / size, (cx, height - cy_up))
 

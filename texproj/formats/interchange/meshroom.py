@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from texproj.camera import Camera, Intrinsics, Pose
-from texproj.errors import InputError
+from texproj.errors import InputError, excerpt
 from texproj.formats.interchange.model import (
     ForeignCamera,
     ForeignModel,
@@ -46,7 +46,7 @@ def read_meshroom(path: Path, size_of: SizeOf) -> ForeignModel:
     found, refused = [], {}
     for view in members(content, "views", f"{path}"):
         name = word(view, "path", f"{path}, view")
-        where = f"{path}, {name}"
+        where = f"{path}, {excerpt(name)}"
         try:
             pose = _pose(poses.get(str(view.get("poseId"))), where)
             intrinsics = _lens(lenses.get(str(view.get("intrinsicId"))), version, where)
@@ -83,7 +83,9 @@ def _lens(raw: Any, version: Version, where: str) -> Intrinsics:
     if model == "pinhole" and raw.get("distortionType"):
         model = str(raw["distortionType"])
     if model not in DISTORTIONS:
-        raise Unusable(f"its lens model {model} is not one of OpenCV's; undistort the photos")
+        raise Unusable(
+            f"its lens model {excerpt(model)} is not one of OpenCV's; undistort the photos"
+        )
     width, height = (
         number(member(raw, key, where), f"{where}, {key}") for key in ("width", "height")
     )

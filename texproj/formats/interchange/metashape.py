@@ -19,7 +19,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from texproj.camera import Camera, Intrinsics
-from texproj.errors import InputError
+from texproj.errors import InputError, excerpt
 from texproj.formats.camera_bounds import checked_translation
 from texproj.formats.documents import read_xml
 from texproj.formats.interchange.model import (
@@ -85,7 +85,7 @@ def read_metashape(path: Path, size_of: SizeOf) -> ForeignModel:
             name = camera.get("label") or f"camera {camera.get('id')}"
             world = worlds.get(camera.get("component_id")) or own or IDENTITY
             try:
-                found.append(_camera(camera, sensors, world, f"{path}, {name}"))
+                found.append(_camera(camera, sensors, world, f"{path}, {excerpt(name)}"))
             except Unusable as reason:
                 refused[name] = str(reason)
     return ForeignModel(tuple(found), refused, notes=_notes(chunks))
@@ -137,13 +137,14 @@ def _sensor(sensor: ET.Element, where: str) -> Sensor:
     kind = best.get("type", sensor.get("type", "frame"))
     if kind != "frame":
         return Unusable(
-            f"its lens is of type {kind}, not frame; export undistorted photos from Metashape"
+            f"its lens is of type {excerpt(kind)}, not frame; export undistorted photos from"
+            " Metashape"
         )
     size = best.find("resolution")
     size = sensor.find("resolution") if size is None else size
     if size is None:
         return Unusable("its sensor has no resolution")
-    where = f"{where}, sensor {sensor.get('id')}"
+    where = f"{where}, sensor {excerpt(sensor.get('id'))}"
     width, height = (number(size.get(key), f"{where}, resolution") for key in ("width", "height"))
     try:
         return _lens(best, width, height, where)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from texproj.camera import Camera, Intrinsics
-from texproj.errors import InputError
+from texproj.errors import InputError, excerpt
 from texproj.formats.camera_bounds import checked_translation
 from texproj.formats.interchange.model import (
     Y_AND_Z_FLIPPED,
@@ -53,7 +53,7 @@ def read_nerfstudio(path: Path, size_of: SizeOf) -> ForeignModel:
     found, refused, absent = [], {}, []
     for i, frame in enumerate(members(content, "frames", f"{path}"), 1):
         name = word(frame, "file_path", f"{path}, frame {i}")
-        where = f"{path}, {name}"
+        where = f"{path}, {excerpt(name)}"
         values = {**content, **frame}
         size = _size(values, size_of(name), where)
         if size is None:
@@ -130,7 +130,9 @@ def _intrinsics(
 ) -> tuple[Intrinsics, str]:
     model = _model(values)
     if model not in (*PERSPECTIVE, FISHEYE):
-        raise Unusable(f"its lens model {model} is not a perspective one; undistort the photos")
+        raise Unusable(
+            f"its lens model {excerpt(model)} is not a perspective one; undistort the photos"
+        )
     width, height = size
 
     def value(key: str, default: float = 0.0) -> float:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from texproj.camera import Camera, Intrinsics, Pose
-from texproj.errors import InputError
+from texproj.errors import InputError, excerpt
 from texproj.formats.interchange.model import (
     ForeignCamera,
     ForeignModel,
@@ -47,7 +47,7 @@ def read_openmvg(path: Path, size_of: SizeOf) -> ForeignModel:
     for entry in members(content, "views", f"{path}"):
         view = _data(member(entry, "value", f"{path}, view"), f"{path}, view")
         name = word(view, "filename", f"{path}, view")
-        where = f"{path}, {name}"
+        where = f"{path}, {excerpt(name)}"
         pose = poses.get(identity(view, "id_pose", where))
         lens_key = identity(view, "id_intrinsic", where)
         intrinsics = lenses.get(lens_key, Unusable("it has no lens there"))
@@ -76,7 +76,7 @@ def _lenses(content: dict[str, Any], path: Path) -> dict[str, Lens]:
     names: dict[int, str] = {}
     for entry in members(content, "intrinsics", f"{path}"):
         key = identity(entry, "key", f"{path}, intrinsics")
-        where = f"{path}, intrinsic {key}"
+        where = f"{path}, intrinsic {excerpt(key)}"
         value = member(entry, "value", where)
         if not isinstance(value, dict):
             raise InputError(f"{where}: 'value' must be an object")
@@ -92,7 +92,9 @@ def _lenses(content: dict[str, Any], path: Path) -> dict[str, Lens]:
 
 def _lens(model: str, data: dict[str, Any], where: str) -> Intrinsics:
     if model not in DISTORTIONS:
-        raise Unusable(f"its lens model {model} is not one of OpenCV's; undistort the photos")
+        raise Unusable(
+            f"its lens model {excerpt(model)} is not one of OpenCV's; undistort the photos"
+        )
     key, count = DISTORTIONS[model]
     k1, k2, k3, p1, p2 = (*(numbers(data.get(key), count, f"{where}, {key}") if key else ()),
                           *(0.0,) * 5)[:5]  # fmt: skip
@@ -108,7 +110,7 @@ def _poses(content: dict[str, Any], path: Path) -> dict[str, Pose | Unusable]:
     poses: dict[str, Pose | Unusable] = {}
     for entry in members(content, "extrinsics", f"{path}"):
         key = identity(entry, "key", f"{path}, extrinsics")
-        where = f"{path}, pose {key}"
+        where = f"{path}, pose {excerpt(key)}"
         value = member(entry, "value", where)
         rows = [numbers(row, 3, where) for row in members(value, "rotation", where)]
         center = numbers(member(value, "center", where), 3, f"{where}, center")

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from texproj.camera import Camera, Intrinsics
-from texproj.errors import InputError
+from texproj.errors import InputError, excerpt
 from texproj.formats.documents import read_xml
 from texproj.formats.interchange.model import (
     ForeignCamera,
@@ -81,7 +81,9 @@ def _camera(file: Path, values: dict[str, str], size: tuple[int, int]) -> Foreig
 def _lens(file: Path, values: dict[str, str], size: tuple[int, int]) -> tuple[Intrinsics, str]:
     model = values.get("DistortionModel", "perspective")
     if model not in BROWN:
-        raise Unusable(f"its lens model {model} is not a Brown one; export with model brown3")
+        raise Unusable(
+            f"its lens model {excerpt(model)} is not a Brown one; export with model brown3"
+        )
     if "FocalLength35mm" not in values:
         raise InputError(f"{file}: no FocalLength35mm")
 

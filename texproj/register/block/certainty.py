@@ -9,7 +9,7 @@ import numpy as np
 
 from texproj.arrays import Doubles
 from texproj.register.block.cloud import Cloud
-from texproj.register.block.decide import Judged, matched_fit, tightened
+from texproj.register.block.decide import Judged, matched_fit, support_at, tightened
 from texproj.register.block.placed_block import PatchFit, PlacedBlock
 from texproj.register.block.scan_samples import ScanSamples
 from texproj.register.block.surface_fit import Known, on_surface
@@ -32,12 +32,14 @@ STILL_FOUND = 0.7
 class Certainty:
     """placed: the block after every photo asked, and its points, had their say; sigma: (7,) of
     rotation (rad), shift (mesh units), log scale; expected_percent: of the photos' width;
-    structure_percent: how far the place by the photos' structure alone is from it.
+    support: mean share of patches that all photos asked show in place there; structure_percent: how
+    far the place by the photos' structure alone is from it, which counts as an error of either.
     """
 
     placed: PlacedBlock
     sigma: Doubles
     expected_percent: float
+    support: float
     structure_percent: float
 
 
@@ -55,14 +57,12 @@ def certainty(
         placed, covariance = refined
     unit = np.array([1.0] * 3 + [best.place.unit] * 3 + [1.0])
     width = float(np.mean([photo.camera(placed).width for photo in problem.photos]))
-    expected = 100 * _spread_px(problem, placed, covariance) / width
+    spread = 100 * _spread_px(problem, placed, covariance) / width
     moved = np.linalg.norm(problem.residual(placed) - problem.residual(fit.x), axis=1)
-    return Certainty(
-        placed,
-        np.sqrt(np.diag(covariance)[:7]) * unit,
-        max(expected, LEAST_PERCENT),
-        100 * float(np.nanmean(moved)) / width,
-    )
+    contradiction = 100 * float(np.nanmean(moved)) / width
+    expected = max(float(np.hypot(spread, contradiction)), LEAST_PERCENT)
+    sigma = np.sqrt(np.diag(covariance)[:7]) * unit * expected / max(spread, 1e-9)
+    return Certainty(placed, sigma, expected, support_at(witnesses, views, placed), contradiction)
 
 
 def _inflated(problem: PatchFit, fit: LmFit[PlacedBlock]) -> Doubles:

@@ -15,8 +15,8 @@ from texproj.arrays import Doubles
 from texproj.register.block.placed_block import Matched, PatchFit, PlacedBlock
 from texproj.register.block.propose import Place
 from texproj.register.block.witnesses import Witness
+from texproj.register.motion import motion_px
 from texproj.register.structure.solve import CHECK, NEAR, WIDE, found_share
-from texproj.register.structure.starts import motion_px
 from texproj.register.structure.view import PatchRule, StructureView
 from texproj.solve.lm import LmFit, LmOptions, Loss, minimize
 
@@ -29,25 +29,19 @@ ROUNDS: tuple[tuple[PatchRule, tuple[float, ...]], ...] = (
 STEPS = LmOptions(max_iterations=20, cost_tolerance=1e-4)
 LEAST_MATCHES = 60
 """Matches in all photos together below which nothing is concluded."""
-SURE_SUPPORT = 0.45
-"""Share of patches in place from which on no further scales are tried."""
 SAME_PLACE = 0.02
 """Image motion, as a share of the width, below which two places are the same."""
-LEAST_SUPPORT, LEAST_LEAD = 0.15, 2.5
-"""What a place must have, in patches found and relative to the best rival elsewhere: right places
-of five scenes had .28 and 2.6 at least, wrong ones .05."""
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A place after the photos moved it. support: mean share of patches found in place;
-    shares: that of each photo asked; seen: (n, 3) world points that each photo saw.
+    """A place after the photos moved it. support: mean share of patches found in place; seen:
+    (n, 3) world points that each photo saw there, in the photos' order.
     """
 
     place: Place
     placed: PlacedBlock
     support: float
-    shares: tuple[float, ...]
     seen: tuple[Doubles, ...]
 
 
@@ -58,16 +52,21 @@ def judged(witnesses: Sequence[Witness], place: Place) -> Judged:
     for rule, scales in ROUNDS:
         fit = matched_fit(witnesses, views, placed, rule, place)
         if fit.matches < LEAST_MATCHES:
-            return Judged(place, placed, 0.0, (0.0,) * len(views), ())
+            return Judged(place, placed, 0.0, ())
         placed = tightened(fit, placed, scales).x
+    seen = tuple(photo.seen.xyz_in_world for photo in fit.photos)
+    return Judged(place, placed, support_at(witnesses, views, placed), seen)
+
+
+def support_at(
+    witnesses: Sequence[Witness], views: Sequence[StructureView], placed: PlacedBlock
+) -> float:
+    """Mean share, over photos, of the patches that are found where `placed` says."""
     checks = [
         view.observe(placed.camera(w.in_block), CHECK)
         for w, view in zip(witnesses, views, strict=True)
     ]
-    shares = tuple(found_share(seen) for seen in checks)
-    return Judged(
-        place, placed, float(np.mean(shares)), shares, tuple(s.xyz_in_world for s in checks)
-    )
+    return float(np.mean([found_share(seen) for seen in checks]))
 
 
 def matched_fit(

@@ -24,6 +24,9 @@ from texproj.register.structure.verdict import DETAIL_WITHIN_PX, DETAILS
 LEAST_LIKENESS = 0.5
 """Lines of sight of the mirrored block, and its patches, relative to those of the block itself,
 below which there is no symmetry to speak of."""
+ALIKE = 0.8
+"""Share of patches in place, relative to the block's own, from which on no better place of the
+mirrored block is looked for."""
 TRIED = 3
 REFUSED_T, SURE_T = -3.0, 3.0
 """Below the first the mirror image is right; above the second it is wrong."""
@@ -60,11 +63,13 @@ def mirrored_cloud(cloud: Cloud) -> Cloud:
     )
 
 
-def mirror_test(proposer: Proposer, witnesses: Sequence[Witness], own: Judged) -> MirrorTest:
-    """own: the place that is tested."""
+def mirror_test(
+    proposer: Proposer, witnesses: Sequence[Witness], asked: int, own: Judged
+) -> MirrorTest:
+    """own: the place that is tested, found by the first `asked` of the photos."""
     others = [witness.mirrored for witness in witnesses]
-    rival = _rival(proposer, others, own)
-    if rival is None or rival.support < LEAST_LIKENESS * own.support:
+    rival = _rival(proposer, others[:asked], own)
+    if rival is None:
         return MirrorTest(NO_SYMMETRY_T)
     pairs = zip(_details(witnesses, own), _details(others, rival), strict=True)
     differences = tuple(a - b for a, b in pairs)
@@ -77,9 +82,16 @@ def _rival(proposer: Proposer, others: Sequence[Witness], own: Judged) -> Judged
     """
     mirrored = replace(proposer, cloud=mirrored_cloud(proposer.cloud))
     size = own.place.unit / proposer.scan.samples.world_from_unit.scale
-    places = mirrored.places((size,))
-    alike = [p for p in places if p.sight > LEAST_LIKENESS * own.place.sight][:TRIED]
-    return max((judged(others, p) for p in alike), key=lambda j: j.support, default=None)
+    best: Judged | None = None
+    for place in mirrored.places((size,))[:TRIED]:
+        if place.sight < LEAST_LIKENESS * own.place.sight:
+            break
+        here = judged(others, place)
+        if here.support >= max(LEAST_LIKENESS * own.support, best.support if best else 0.0):
+            best = here
+        if best and best.support >= ALIKE * own.support:
+            break
+    return best
 
 
 def _details(witnesses: Sequence[Witness], at: Judged) -> list[float]:

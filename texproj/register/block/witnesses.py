@@ -14,8 +14,8 @@ from texproj.errors import InputError
 from texproj.photo import Photo
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.structure.mirror import FLIP, mirrored_intrinsics
-from texproj.register.structure.view import Render, StructureView
-from texproj.render.gbuffer import GBuffer
+from texproj.register.structure.view import StructureView
+from texproj.render import GBuffer, Render
 
 LoadPhoto = Callable[[str], Photo]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 from collections.abc import Sequence
@@ -9,13 +10,18 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError
 
 from texproj.cli import talk
-from texproj.cli.exits import DONE, INTERRUPTED, UNUSABLE
+from texproj.cli.exits import DONE, UNUSABLE
 from texproj.errors import TexprojError
 from texproj.stages.progress import Cancelled
 
+LOG = logging.getLogger("texproj")
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line `arguments` (those of the process by default); return the exit code."""
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line `arguments` (those of the process by default); return the exit code.
+
+    Raises KeyboardInterrupt where somebody asked to stop.
+    """
     from texproj.cli.commands import app  # noqa: PLC0415 - keeps `import texproj.cli` light
 
     words = list(sys.argv[1:] if arguments is None else arguments)
@@ -35,15 +41,20 @@ def _call(app: App, words: list[str]) -> int:
         return _refuse(words, f"{error} (see `texproj {_command(words)}--help`)")
     except TexprojError as error:
         return _refuse(words, str(error))
+    except ModuleNotFoundError as error:
+        if (error.name or "texproj").startswith("texproj"):
+            raise
+        return _refuse(words, _lacking(str(error.name)))
     except BrokenPipeError:
         raise
     except OSError as error:
         return _refuse(words, _told(error))
     except MemoryError:
         return _refuse(words, "not enough memory; close other programs, or use smaller photos")
-    except (KeyboardInterrupt, Cancelled):
-        talk.complain("stopped; the next run goes on where this one was")
-        return INTERRUPTED
+    except Cancelled:
+        raise KeyboardInterrupt from None
+    except Exception as error:  # noqa: BLE001 - a person is told, the log has the traceback
+        return _refuse(words, _fault(error))
     return result if isinstance(result, int) else DONE
 
 
@@ -52,6 +63,23 @@ def _refuse(words: list[str], sentence: str) -> int:
         talk.say_json({"error": sentence})
     talk.complain(" ".join(sentence.split()))
     return UNUSABLE
+
+
+def _fault(error: Exception) -> str:
+    """What nobody foresaw, for people; the traceback for those who asked for details."""
+    LOG.info("internal fault", exc_info=error)
+    return (
+        f"internal fault ({type(error).__name__}: {error}), please report; details in"
+        " work/log/texproj.log of the project, or with -v"
+    )
+
+
+def _lacking(package: str) -> str:
+    """Why a package may be missing, and how to get it."""
+    from texproj.doctor import missing_package  # noqa: PLC0415 - where nothing lacks, not needed
+
+    finding = missing_package(package)
+    return f"the package {package} is {finding.detail}; {finding.remedy}"
 
 
 def _told(error: OSError) -> str:

@@ -1,0 +1,193 @@
+"""Camera files of other programs, broken in every way: refused by a sentence, or read."""
+
+import json
+
+import numpy as np
+import pytest
+import trimesh
+from fuzzing import broken_bytes, broken_json, broken_text, refused_or_read
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from texproj.camera import Camera, Intrinsics, Pose
+from texproj.formats.interchange import READERS, WRITERS, Shot, detect
+from texproj.project import Project
+from texproj.stages.bench import Workbench
+from texproj.stages.exchanging import import_cameras
+
+SIZE = (80, 60)
+NAMES = ("one.jpg", "two.png")
+
+
+def shots(dist=(0.1, -0.05, 0.01, 0.002, 0.01)):
+    """Two cameras that look at the unit box."""
+    lens = Intrinsics(*SIZE, 90, 91, 41, 30, dist)
+    poses = [Pose.look_at((5 * np.cos(k), 5 * np.sin(k), 1.5), (0, 0, 0)) for k in (0, 0.7)]
+    return [Shot(n, f"images/{n}", Camera(lens, p)) for n, p in zip(NAMES, poses, strict=True)]
+
+
+def written(kind):
+    return WRITERS[kind](shots(), "mesh.ply").files
+
+
+def text_of(kind, name):
+    return written(kind)[name].decode()
+
+
+def openmvg():
+    def entry(key, data, **more):
+        return {"key": key, "value": {**more, "ptr_wrapper": {"data": data}}}
+
+    view = {"filename": "one.jpg", "id_pose": 0, "id_intrinsic": 0}
+    lens = {"width": 80, "height": 60, "focal_length": 90, "principal_point": [40, 30],
+            "disto_t2": [0.1, 0, 0, 0, 0]}  # fmt: skip
+    named = {"polymorphic_id": 2147483649, "polymorphic_name": "pinhole_brown_t2"}
+    pose = {"rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "center": [0, 0, -5]}
+    return {"views": [entry(0, view)], "intrinsics": [entry(0, lens, **named)],
+            "extrinsics": [{"key": 0, "value": pose}]}  # fmt: skip
+
+
+def meshroom():
+    return {
+        "version": ["1", "2", "6"],
+        "views": [{"poseId": "5", "intrinsicId": "7", "path": "/x/one.jpg"}],
+        "intrinsics": [{"intrinsicId": "7", "width": "80", "height": "60", "type": "radial3",
+                        "distortionParams": ["0.1", "0", "0"], "focalLength": "45",
+                        "sensorWidth": "36", "principalPoint": ["1", "-1"]}],
+        "poses": [{"poseId": "5", "pose": {"transform": {
+            "rotation": ["1", "0", "0", "0", "1", "0", "0", "0", "1"],
+            "center": ["0", "0", "-5"]}}}],
+    }  # fmt: skip
+
+
+NGP = {
+    "camera_angle_x": 0.8, "k1": 0.05, "k2": 0.01, "k4": 0.001, "is_fisheye": True, "w": 80,
+    "h": 60,
+    "applied_transform": [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0]], "applied_scale": 2.0,
+    "frames": [{"file_path": "./one.jpg", "transform_matrix": np.eye(4).tolist()}],
+}  # fmt: skip
+
+SIDECAR = """<?xml version="1.0" encoding="UTF-8"?><x:xmpmeta xmlns:x="adobe:ns:meta/">
+<rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#"><rdf:Description
+xmlns:xcr="http://www.capturingreality.com/ns/xcr/1.1#" xcr:Version="3" xcr:Coordinates="local"
+xcr:DistortionModel="brown4t2" xcr:FocalLength35mm="18" xcr:Skew="0" xcr:AspectRatio="1"
+xcr:PrincipalPointU="0.01" xcr:PrincipalPointV="-0.01"><xcr:Rotation>0 1 0 -1 0 0 0 0 1
+</xcr:Rotation><xcr:Position>1 2 3</xcr:Position>
+<xcr:DistortionCoeficients>0.1 0 0 0.02 0.01 0</xcr:DistortionCoeficients></rdf:Description>
+</rdf:RDF></x:xmpmeta>"""
+
+CHUNK_TRANSFORM = """<transform><rotation>1 0 0 0 1 0 0 0 1</rotation><translation>0 0 0
+</translation><scale>2</scale></transform></chunk>"""
+
+TEXTS = {
+    "bundler": ("bundle.out", text_of("bundler", "bundle.out")),
+    "meshlab": ("cameras.mlp", text_of("meshlab", "cameras.mlp")),
+    "metashape": (
+        "cameras.xml", text_of("metashape", "cameras.xml").replace("</chunk>", CHUNK_TRANSFORM)
+    ),
+    "realityscan": ("cameras.csv", text_of("realityscan", "cameras.csv")),
+    "realityscan-xmp": ("one.xmp", SIDECAR),
+}  # fmt: skip
+VALUES = {
+    "nerfstudio": ("transforms.json", [json.loads(text_of("nerfstudio", "transforms.json")), NGP]),
+    "openmvg": ("sfm_data.json", [openmvg()]),
+    "meshroom": ("cameras.sfm", [meshroom()]),
+}
+
+
+def read(kind):
+    """The reader as the command calls it, the format found by itself."""
+
+    def found(path):
+        told, file = detect(path)
+        return READERS[told](file, lambda name: SIZE)
+
+    found.__name__ = f"read_{kind}"
+    return found
+
+
+@pytest.mark.parametrize("kind", TEXTS)
+@given(data=st.data())
+def test_text(kind, data, place):
+    """Bundler's, MeshLab's, Metashape's and RealityScan's files."""
+    name, text = TEXTS[kind]
+    (place / "list.txt").write_text("images/one.jpg\nimages/two.png\n")
+    refused_or_read(read(kind), place / name, data.draw(broken_text([text])))
+
+
+@pytest.mark.parametrize("kind", VALUES)
+@given(data=st.data())
+def test_json(kind, data, place):
+    """nerfstudio's, instant-ngp's, openMVG's and Meshroom's files."""
+    name, values = VALUES[kind]
+    refused_or_read(read(kind), place / name, data.draw(broken_json(values)))
+
+
+@pytest.mark.parametrize("name", ["cameras.txt", "images.txt"])
+@given(data=st.data())
+def test_colmap_text(name, data, place):
+    """Each file of a text model beside a sound other one."""
+    folder = place / f"text-{name}"
+    folder.mkdir(exist_ok=True)
+    for other, content in written("colmap").items():
+        (folder / other).write_bytes(content)
+    sound = written("colmap")[name].decode()
+    fisheye = sound.replace("FULL_OPENCV", "OPENCV_FISHEYE")
+    refused_or_read(read("colmap"), folder / name, data.draw(broken_text([sound, fisheye])))
+
+
+@pytest.mark.parametrize("name", ["cameras.bin", "images.bin"])
+@given(data=st.data())
+def test_colmap_binary(name, data, place):
+    """Each file of a binary model beside a sound other one."""
+    folder = place / f"binary-{name}"
+    folder.mkdir(exist_ok=True)
+    for other, content in written("colmap-binary").items():
+        (folder / other).write_bytes(content)
+    sound = written("colmap-binary")[name]
+    refused_or_read(read("colmap-binary"), folder / name, data.draw(broken_bytes([sound])))
+
+
+@given(data=st.data())
+def test_bundler_list(data, place):
+    """The list beside a sound bundle."""
+    folder = place / "list"
+    folder.mkdir(exist_ok=True)
+    (folder / "bundle.out").write_bytes(written("bundler")["bundle.out"])
+    broken = data.draw(broken_text(["images/one.jpg 0 930.5\nimages/two.png\n"]))
+
+    def listed(path):
+        return READERS["bundler"](folder / "bundle.out", lambda name: SIZE)
+
+    refused_or_read(listed, folder / "list.txt", broken)
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    """A box and two photos, one of which EXIF turns."""
+    root = tmp_path_factory.mktemp("box")
+    (root / "mesh").mkdir()
+    (root / "photos").mkdir()
+    trimesh.creation.box().export(root / "mesh" / "box.ply")
+    noise = np.random.default_rng(1).integers(0, 255, (60, 80, 3), np.uint8)
+    exif = Image.Exif()
+    exif[274] = 3
+    for name in NAMES:
+        Image.fromarray(noise).save(root / "photos" / name, exif=exif)
+    with Workbench(Project.open(root)) as made:
+        yield made
+
+
+@given(data=st.data())
+def test_whole_import(data, bench, place):
+    """What a reader lets through is looked at through the mesh, and ends in an entry or a
+    sentence.
+    """
+    values = [json.loads(text_of("nerfstudio", "transforms.json")), NGP]
+    content = data.draw(broken_json(values))
+
+    def imported(path):
+        return import_cameras(bench, path)
+
+    refused_or_read(imported, place / "transforms.json", content, "import_cameras")
