@@ -1,13 +1,15 @@
 """Blocks of photos put onto meshes of real scenes: how exactly, how surely, how fast.
 
     python tests/bench_block_placement.py SCENE_FOLDER ... [--blocks FOLDER] [--seeds 1,2]
-        [--runs right,partial,wrong,mirrored]
+        [--runs right,partial,wrong,mirrored] [--walls 20]
 
 A scene folder holds mesh.ply, photos/ and cameras_reference.json. Blocks are read from
 FOLDER/SCENE.pkl (`bench_block.py --keep`); without, they are made of the reference cameras and
 points of the mesh with noise and outliers. Mesh and block are put into a random frame each.
 partial: a third of the mesh cut away, a fifth of its faces left, .2 % of its diagonal noise;
-wrong: the mesh of each other scene; mirrored: left and right of the mesh exchanged.
+wrong: the mesh of each other scene; mirrored: left and right of the mesh exchanged. --walls: so
+many blocks of synthetic reliefs on the next relief, or, every fourth, on their own mirrored, only
+at the sizes that would fit.
 
 Columns: error against the reference cameras in percent of the width, median and largest over
 photos, and what the fit expected; share of the structure found in place; the same of the best
@@ -27,7 +29,7 @@ from pathlib import Path
 import numpy as np
 import pymeshlab
 import trimesh
-from block_scenes import block_of, error_percent, mirrored, moved, random_similarity
+from block_scenes import Wall, block_of, error_percent, mirrored, moved, random_similarity
 
 from texproj.camera import Camera
 from texproj.errors import RegistrationError
@@ -37,6 +39,7 @@ from texproj.formats.photos.header import read_photo_info
 from texproj.formats.photos.read import read_photo
 from texproj.mesh import Mesh, vertex_normals
 from texproj.photo import Photo
+from texproj.register.block import search
 from texproj.register.block.place import place_block
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.block.similarity import Similarity
@@ -44,6 +47,8 @@ from texproj.render import ambient_occlusion, open_renderer
 from texproj.repair import repair
 
 LONGEST = 1024
+FITTING = (0.97, 0.88, 1.07)
+"""Sizes of the blocks of reliefs relative to them."""
 HEAD = (
     f"{'block on mesh':>32} {'seed':>4} {'error %':>13} {'expected':>8} {'support':>7} "
     f"{'rival':>6} {'t':>6} {'s':>5} {'wall':>5} {'MB':>5}  verdict"
@@ -75,6 +80,21 @@ class RealScene:
         )  # fmt: skip
 
 
+@dataclass(frozen=True, eq=False)
+class WallScene(RealScene):
+    """A synthetic relief and its photos."""
+
+    wall: Wall
+
+    @classmethod
+    def of(cls, seed: int) -> WallScene:
+        wall = Wall(seed)
+        return cls(Path(f"wall {seed}"), wall.mesh, wall.cameras, None, wall)
+
+    def photo(self, name: str) -> Photo:
+        return self.wall.photo(name)
+
+
 def main() -> None:
     arguments = parsed()
     scenes = [load(folder, arguments.blocks) for folder in arguments.scenes]
@@ -84,14 +104,21 @@ def main() -> None:
             for seed in (int(s) for s in arguments.seeds.split(",")):
                 for label, mesh in meshes(run, scene, scenes, seed):
                     place(scene, label, mesh, seed, right=run in ("right", "partial"))
+    if arguments.walls:
+        search.SCALE_BATCHES = (FITTING,)
+    for k in range(arguments.walls):
+        mesh = mirrored(Wall(k).mesh) if k % 4 == 3 else Wall(k + 1).mesh
+        label = "mirrored" if k % 4 == 3 else f"wall {k + 1}"
+        place(WallScene.of(k), label, mesh, k, right=False)
 
 
 def parsed() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("scenes", nargs="+", type=Path)
+    parser.add_argument("scenes", nargs="*", type=Path)
     parser.add_argument("--blocks", type=Path)
     parser.add_argument("--seeds", default="1")
     parser.add_argument("--runs", default="right")
+    parser.add_argument("--walls", type=int, default=0)
     return parser.parse_args()
 
 

@@ -65,7 +65,13 @@ class Project:
 
     def with_settings(self, settings: Settings) -> Project:
         """The same folder with other settings; nothing is written."""
-        return replace(self, settings=settings)
+        return replace(self, settings=settings).with_hashes_of(self)
+
+    def with_hashes_of(self, other: Project | None) -> Project:
+        """The same project, which need not read again what `other` has read; itself for None."""
+        if other is not None:
+            vars(self)["_hashes"] = other._hashes
+        return self
 
     # --- what a person puts in
 
@@ -258,6 +264,10 @@ class Project:
     @property
     def work(self) -> Path:
         return self.root / "work"
+
+    @property
+    def log_folder(self) -> Path:
+        return self.work / "log"
 
     @property
     def out(self) -> Path:

@@ -44,7 +44,8 @@ SECTIONS = ("color", "unwrap", "patches", "output", "render")
 class ColorOutcome:
     """What was written, from which photos, and which could not be used and why.
 
-    folder: where the files are; kept: nothing had changed since the last run, so nothing was done.
+    folder: where the files are; notes: what of the inputs is not used as one might think; kept:
+    nothing had changed since the last run, so nothing was done.
     """
 
     folder: Path
@@ -52,6 +53,7 @@ class ColorOutcome:
     used: tuple[str, ...]
     failed: dict[str, str]
     quality: dict[str, Any]
+    notes: tuple[str, ...]
     kept: bool
 
     @property
@@ -69,6 +71,8 @@ class ColorOutcome:
                 f"color chart {chart['file']}: CIEDE2000 of its patches"
                 f" {before:.1f} -> {after:.1f}; exposure: {chart['exposure']}"
             )
+        for note in self.notes:
+            yield f"note: {note}"
         for name, reason in self.failed.items():
             yield f"{name}: FAILED: {reason}"
 
@@ -102,6 +106,7 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
         "used": [name for name in cameras if name not in failed],
         "failed": failed,
         "quality": colors.quality,
+        "mesh notes": list(bench.source.notes),
     }
     project.save_record(STAGE, None, record)
     project.save_hashes()
@@ -242,4 +247,6 @@ def _photo_inputs(project: Project, name: str, record: CameraRecord) -> Inputs:
 
 def _outcome(project: Project, record: dict[str, Any], kept: bool) -> ColorOutcome:
     files, used = tuple(record["outputs"]), tuple(record["used"])
-    return ColorOutcome(project.out, files, used, record["failed"], record["quality"], kept)
+    notes = (*project.notes, *record.get("mesh notes", ()))
+    failed, quality = record["failed"], record["quality"]
+    return ColorOutcome(project.out, files, used, failed, quality, notes, kept)

@@ -29,13 +29,8 @@ ROUNDS: tuple[tuple[PatchRule, tuple[float, ...]], ...] = (
 STEPS = LmOptions(max_iterations=20, cost_tolerance=1e-4)
 LEAST_MATCHES = 60
 """Matches in all photos together below which nothing is concluded."""
-SURE_SUPPORT = 0.45
-"""Share of patches in place from which on no further scales are tried."""
 SAME_PLACE = 0.02
 """Image motion, as a share of the width, below which two places are the same."""
-LEAST_SUPPORT, LEAST_LEAD = 0.15, 2.5
-"""What a place must have, in patches found and relative to the best rival elsewhere: right places
-of five scenes had .28 and 2.6 at least, wrong ones .05."""
 
 
 @dataclass(frozen=True, eq=False)

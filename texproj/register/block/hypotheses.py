@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.arrays import Bools, Doubles, Floats
+from texproj.register.block.rotations import exponentials
 from texproj.register.block.similarity import Similarity
 
 
@@ -54,6 +55,18 @@ class Hypotheses:
             if not (gap < apart * ranked.scale[i]).any():
                 kept.append(i)
         return ranked[np.array(kept, int)]
+
+    def shaken(self, copies: int, deviations: tuple[float, float, float], seed: int) -> Hypotheses:
+        """So many disturbed copies of each. deviations: of the turn about the block's middle (rad),
+        the shift (sizes of the block), the logarithm of the scale.
+        """
+        rng = np.random.default_rng(seed)
+        each = self[np.repeat(np.arange(len(self)), copies)]
+        turn, shift, log = deviations
+        scale = each.scale * np.exp(log * rng.standard_normal(len(each)))
+        turns = exponentials(turn * rng.standard_normal((len(each), 3)))
+        t = each.t + shift * scale[:, None] * rng.standard_normal((len(each), 3))
+        return Hypotheses(turns @ each.R, scale, t, each.score)
 
     @staticmethod
     def joined(parts: Sequence[Hypotheses]) -> Hypotheses:

@@ -27,6 +27,12 @@ SCALE_BATCHES = ((1.04, 0.9, 1.2), (0.78, 1.38, 0.68, 1.6), (0.58, 1.85, 0.5, 2.
 WIDE = Schedule(160, (0.2, 0.2, 0.16, 0.13, 0.1, 0.08, 0.065, 0.05))
 NEAR = Schedule(600, (0.08, 0.065, 0.05, 0.04, 0.04, 0.04))
 EXACT = Schedule(2000, (0.03, 0.025, 0.02, 0.015, 0.012, 0.01, 0.01))
+SHAKEN, COPIES = 60, 12
+"""The best places are disturbed so many times each and followed once more, since closest points
+stop at the first place that is better than all around it ..."""
+SHAKE_RAD, SHAKE_SHIFT, SHAKE_LOG = 0.12, 0.08, 0.05
+"""... by turns, shifts (sizes of the block) and logarithms of the scale of these deviations."""
+AGAIN = Schedule(160, (0.12, 0.12, 0.1, 0.08, 0.065, 0.05))
 KEPT = 500
 """Places that are worked on after the first closest points."""
 SEEN = 30
@@ -54,10 +60,11 @@ class Place:
 
 @dataclass(frozen=True, eq=False)
 class Proposer:
-    """A block's cloud and the mesh that it is compared with."""
+    """A block's cloud and the mesh that it is compared with. seed: of what is left to chance."""
 
     cloud: Cloud
     scan: Scan
+    seed: int = 0
 
     def places(self, scales: tuple[float, ...]) -> list[Place]:
         """Distinct places at about these scales, those with the best lines of sight first.
@@ -65,9 +72,14 @@ class Proposer:
         scales: sizes of the block relative to the mesh's.
         """
         samples, sight = self.scan.samples, SightLines(self.cloud, self.scan)
-        coarse = correlated(self.cloud, samples, spread_rotations(ROTATIONS), scales)
-        near = self._closest(self._closest(coarse, WIDE).best(KEPT), NEAR)
         probes = self.cloud.xyz[:PROBES]
+        coarse = correlated(self.cloud, samples, spread_rotations(ROTATIONS), scales)
+        wide = self._closest(coarse, WIDE).best(KEPT)
+        shaken = wide.distinct(probes, APART)[:SHAKEN].shaken(
+            COPIES, (SHAKE_RAD, SHAKE_SHIFT, SHAKE_LOG), self.seed
+        )
+        again = Hypotheses.joined([wide, self._closest(shaken, AGAIN)]).best(KEPT)
+        near = self._closest(again, NEAR)
         seen = sight.ranked(near, ROUGH).distinct(probes, APART)[:SEEN]
         exact = sight.ranked(self._closest(seen, EXACT), FINE).distinct(probes, APART)
         return [self._place(exact, i) for i in range(len(exact))]

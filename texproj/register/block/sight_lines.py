@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from texproj.arrays import Bools, Floats
+from texproj.arrays import Bools
 from texproj.register.block.cloud import Cloud
 from texproj.register.block.hypotheses import Hypotheses
 from texproj.register.block.scan import Scan
@@ -21,7 +21,7 @@ class SightLines:
 
     def __init__(self, cloud: Cloud, scan: Scan) -> None:
         self._end, self._eye = cloud.xyz[:LINES], cloud.eye[:LINES]
-        self._caster, self._local = scan.caster, scan.local_from_unit
+        self._caster = scan.caster
 
     def ranked(self, places: Hypotheses, within: float) -> Hypotheses:
         """Best first; the score is the share of lines that end on the mesh, give or take `within`
@@ -32,14 +32,10 @@ class SightLines:
 
     def outcome(self, places: Hypotheses, within: float) -> tuple[Bools, Bools]:
         """(h, n) whether each line ends on the mesh, and whether it is blocked before."""
-        end, eye = self._placed(places, self._end), self._placed(places, self._eye)
+        end, eye = places.apply(self._end), places.apply(self._eye)
         ray = end - eye
         hits = self._caster.first(eye.reshape(-1, 3), ray.reshape(-1, 3))
         length = np.linalg.norm(ray, axis=2)
-        size = (self._local.scale * places.scale.astype(np.float32))[:, None]
+        size = places.scale.astype(np.float32)[:, None]
         off = (hits.depth.reshape(length.shape) - 1) * length / size
         return np.abs(off) < within, off < -within
-
-    def _placed(self, places: Hypotheses, xyz: Floats) -> Floats:
-        in_unit = places.apply(xyz)
-        return self._local.apply(in_unit.reshape(-1, 3)).astype(np.float32).reshape(in_unit.shape)

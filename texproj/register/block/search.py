@@ -1,0 +1,82 @@
+"""Batches of sizes in turn, until the photos are sure of a place of their block."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from texproj.register.block.decide import Judged, judged, same_place
+from texproj.register.block.propose import SCALE_BATCHES, Place, Proposer
+from texproj.register.block.witnesses import Witness
+
+Told = Callable[[str, float], None]
+"""``told(what, share)``: what is being done and the share of all that is done, 0 .. 1; whoever
+listens may raise to stop the work."""
+
+TRIED = 5
+"""Places of a batch of scales that the photos are asked about, at most."""
+WORTH_TRYING = 0.3
+"""... and only those whose lines of sight are at least so good, relative to the best known."""
+NEARBY = 0.2
+"""Mean distance of the points, sizes of the block, from which the photos still lead home."""
+SURE_SUPPORT = 0.45
+"""Share of patches in place from which on no further sizes are tried."""
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """witnesses: the photos that are asked about every place."""
+
+    proposer: Proposer
+    witnesses: tuple[Witness, ...]
+    told: Told
+
+    def run(self) -> list[Judged]:
+        """All places that the photos were asked about, the best first."""
+        found: list[Judged] = []
+        for k, scales in enumerate(SCALE_BATCHES):
+            share = k / len(SCALE_BATCHES)
+            self.told("comparing the photos' points with the mesh", share)
+            places = self.proposer.places(scales)
+            self.told("asking the photos", share)
+            self._ask(self._worth_asking(places, found), found)
+            if found and _best(found).support >= SURE_SUPPORT:
+                break
+        return sorted(found, key=lambda j: -j.support)
+
+    def _ask(self, places: list[Place], found: list[Judged]) -> None:
+        """Adds to `found`, until the photos are sure of one place and another was tried."""
+        for place in places:
+            if not self._near_the_sure(place, found):
+                found.append(judged(self.witnesses, place))
+            if self._decided(found):
+                return
+
+    def _near_the_sure(self, place: Place, found: list[Judged]) -> bool:
+        """Nothing new is to be learnt of a place from which the photos would lead to the best."""
+        if not found or _best(found).support < SURE_SUPPORT:
+            return False
+        return self.proposer.gap(place, _best(found).place) < NEARBY
+
+    def _worth_asking(self, places: list[Place], found: list[Judged]) -> list[Place]:
+        """The likely ones, and in any case one that is elsewhere."""
+        sights = [p.sight for p in places] + [j.place.sight for j in found]
+        least = WORTH_TRYING * max(sights, default=0.0)
+        likely = [p for p in places if p.sight >= least > 0][:TRIED]
+        if not likely:
+            return []
+        elsewhere = [p for p in places if self.proposer.gap(p, likely[0]) >= NEARBY][:1]
+        return likely + [p for p in elsewhere if p not in likely]
+
+    def _decided(self, found: list[Judged]) -> bool:
+        """The photos are sure of one place, and another was tried."""
+        if not found:
+            return False
+        best = _best(found)
+        if best.support < SURE_SUPPORT:
+            return False
+        return any(not same_place(self.witnesses, best, other) for other in found)
+
+
+def _best(found: list[Judged]) -> Judged:
+    return max(found, key=lambda j: j.support)
