@@ -245,7 +245,7 @@ def chain(monkeypatch, first: str):
 
     monkeypatch.setattr(registering, "search_by_others", by_others)
     monkeypatch.setattr(registering, "shared_points", lambda job: len(next_to(job)))
-    monkeypatch.setattr(registering, "TOGETHER", ())
+    monkeypatch.setattr(registering, "_block", lambda *_: {})
     return calls
 
 
@@ -316,12 +316,12 @@ def test_photos_placed_together_depend_on_each_other(tmp_path, monkeypatch):
     """Method "block": another picture in place of one makes all of them stale."""
     project = make_photos(tmp_path / "block", 4)
 
-    def place(_bench, names, _progress):
+    def place(_bench, names, _anchors, _progress):
         camera = Camera(LENS, Pose(np.eye(3), np.array([0, 0, 4.0])))
         ok = np.ones(4, bool)
         return {n: Fit(camera, "block", 1.0, np.ones(4), ok, np.eye(6)) for n in names}
 
-    monkeypatch.setattr(registering, "TOGETHER", (place,))
+    monkeypatch.setattr(registering, "_block", place)
     with Workbench(project) as bench:
         outcomes = register_photos(bench)
     assert {o.record.method for o in outcomes} == {"block"}
@@ -355,7 +355,7 @@ def calls_of(work) -> int:
 def test_status_costs_twice_as_much_for_twice_as_many_photos(tmp_path):
     """Half of them failed, a quarter found through others; all are what they are said to be."""
     cost = {}
-    for count in (40, 80, 160):
+    for count in (10, 40, 80, 160):  # the first loads modules
         project = make_scale_project(tmp_path / str(count), count)
         states = registration_freshness(Project.open(project.root))
         assert [state.failed for state in states] == [False, True] * (count // 2)
@@ -368,9 +368,9 @@ def test_status_costs_twice_as_much_for_twice_as_many_photos(tmp_path):
 def test_registration_costs_twice_as_much_for_twice_as_many_photos(tmp_path, monkeypatch):
     """Also what is written: cameras.json is not written anew for each photo."""
     monkeypatch.setattr(keeping, "SHARE", 1e-9)
-    monkeypatch.setattr(registering, "TOGETHER", ())
+    monkeypatch.setattr(registering, "_block", lambda *_: {})
     cost, writes = {}, {}
-    for count in (40, 80, 160):
+    for count in (10, 40, 80, 160):  # the first loads modules
         project = make_photos(tmp_path / str(count), count)
         saved = []
         save = Project.save_cameras
