@@ -50,7 +50,7 @@ def made(tmp_path_factory) -> Path:
 
 
 def picks(root: Path, name: str, ball: trimesh.Trimesh, x: float) -> None:
-    """Picks of the true projection from 4 in front of the ball, with noise of a tenth of a pixel."""
+    """Picks of the true projection from 4 in front of the ball, with .1 pixel of noise."""
     front = ball.vertices[ball.vertices[:, 2] < -0.3][::3]
     rng = np.random.default_rng(len(name) + int(10 * x))
     uv = (front[:, :2] + (x, 0)) / (front[:, 2:] + 4) * 400 + (160, 120)
@@ -181,7 +181,7 @@ def test_a_photo_that_is_excluded_takes_part_in_nothing(folder, capsys):
     ],
     ids=["numerics", "memory", "other"],
 )
-def test_what_nobody_foresaw_in_one_photo_is_its_failure_alone(  # noqa: PLR0913, PLR0917
+def test_what_nobody_foresaw_in_one_photo_is_its_failure_alone(
     folder, capsys, monkeypatch, caplog, name, fault, words
 ):
     """All others end as without it; the log has the traceback; the next run tries it again."""
@@ -379,7 +379,7 @@ def test_registration_costs_twice_as_much_for_twice_as_many_photos(tmp_path, mon
 
         monkeypatch.setattr(Project, "save_cameras", noted)
         with Workbench(project) as bench:
-            cost[count] = calls_of(lambda: register_photos(bench))  # noqa: B023
+            cost[count] = calls_of(lambda: register_photos(bench))
         monkeypatch.setattr(Project, "save_cameras", save)
         writes[count] = len(saved)
         assert all(e.status == "failed" for e in project.load_cameras().values())

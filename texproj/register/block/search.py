@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from texproj.register.block.decide import Judged, judged, same_place
@@ -25,24 +25,25 @@ SURE_SUPPORT = 0.45
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """witnesses: the photos that are asked about every place."""
+    """proposers: the likeliest first; witnesses: the photos that are asked about every place."""
 
-    proposer: Proposer
+    proposers: Iterable[Proposer]
     witnesses: tuple[Witness, ...]
     told: Told
 
     def run(self) -> list[Judged]:
         """All places that the photos were asked about, the best first."""
         found: list[Judged] = []
-        for k, scales in enumerate(SCALE_BATCHES):
-            share = k / len(SCALE_BATCHES)
-            self.told("comparing the photos' points with the mesh", share)
-            places = self.proposer.places(scales)
-            self.told("asking the photos", share)
-            self._ask(self._worth_asking(places, found), found)
-            if found and _best(found).support >= SURE_SUPPORT:
-                break
-        return sorted(found, key=lambda j: -j.support)
+        for k, proposer in enumerate(self.proposers):
+            for j, scales in enumerate(SCALE_BATCHES[:1] if k else SCALE_BATCHES):
+                share = 0.6 - 0.6 / (1 + j + k)
+                self.told("comparing the photos' points with the mesh", share)
+                places = proposer.places(scales)
+                self.told("asking the photos", share)
+                self._ask(self._worth_asking(places, found), found)
+                if found and _best(found).support >= SURE_SUPPORT:
+                    return _ranked(found)
+        return _ranked(found)
 
     def _ask(self, places: list[Place], found: list[Judged]) -> None:
         """Adds to `found`, until the photos are sure of one place and another was tried."""
@@ -56,7 +57,7 @@ class Search:
         """Nothing new is to be learnt of a place from which the photos would lead to the best."""
         if not found or _best(found).support < SURE_SUPPORT:
             return False
-        return self.proposer.gap(place, _best(found).place) < NEARBY
+        return place.gap(_best(found).place) < NEARBY
 
     def _worth_asking(self, places: list[Place], found: list[Judged]) -> list[Place]:
         """The likely ones, and in any case one that is elsewhere."""
@@ -65,7 +66,7 @@ class Search:
         likely = [p for p in places if p.sight >= least > 0][:TRIED]
         if not likely:
             return []
-        elsewhere = [p for p in places if self.proposer.gap(p, likely[0]) >= NEARBY][:1]
+        elsewhere = [p for p in places if p.gap(likely[0]) >= NEARBY][:1]
         return likely + [p for p in elsewhere if p not in likely]
 
     def _decided(self, found: list[Judged]) -> bool:
@@ -79,4 +80,8 @@ class Search:
 
 
 def _best(found: list[Judged]) -> Judged:
-    return max(found, key=lambda j: j.support)
+    return _ranked(found)[0]
+
+
+def _ranked(found: list[Judged]) -> list[Judged]:
+    return sorted(found, key=lambda j: -j.support)
