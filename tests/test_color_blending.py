@@ -10,7 +10,7 @@ from texproj.color.blending.combine import blend
 from texproj.color.sampling.light_around import AROUND_ONE, light_around, soft_light
 from texproj.color.sampling.prepare import photo_view
 from texproj.color.sampling.sample import Samples
-from texproj.color.sampling.store import Spill, Stack
+from texproj.color.sampling.store import SampleStore, Stack
 from texproj.color.vertices import color_vertices
 from texproj.options import ColorOptions, RenderOptions
 from texproj.render import open_renderer
@@ -149,9 +149,9 @@ def test_light_around_comes_back_from_disk():
     packed = np.array([[60000, 30000, 0, 65535], [6000, 6000, 6000, 1]], np.uint16)
     for around in (np.array([16384, 8192], np.uint16), None):
         scratch = Scratch()
-        spill = Spill([3], scratch)
-        spill.add(4, 0, Samples(seen, packed, around))
-        read = spill.read(0)
+        store = SampleStore([3], scratch)
+        store.add(4, 0, Samples(seen, packed, around))
+        read = store.read(0)
         scratch.close()
         assert read.photos.tolist() == [4]
         assert read.rgb[0, :, 0] == pytest.approx([1, 0.5, 0])

@@ -8,7 +8,7 @@ from photo_sets import photo_set
 
 from texproj.camera import Camera
 from texproj.color.balance.focus import median_of_others, node_positions, upper_medians
-from texproj.color.balance.shared_points import Surveyor
+from texproj.color.balance.shared_points import PointObserver
 from texproj.color.balance.sharpness import SIDE, energies
 from texproj.color.blending.combine import blend
 from texproj.color.blending.highlights import highlight_factor
@@ -342,12 +342,12 @@ def test_the_survey_tells_sharpness_only_if_asked(scene):
     for power in (0.0, 1.0):
         options, scratch = ColorOptions(focus_power=power), Scratch()
         made = [photo_view(shots[k], views()[k], scene, options) for k in range(2)]
-        surveyor = Surveyor(points, 2, power > 0)
-        project_views(points, made, surveyor, options, scratch)
-        survey = surveyor.survey()
+        observer = PointObserver(points, 2, power > 0)
+        project_views(points, made, observer, options, scratch)
+        shared = observer.shared()
         scratch.close()
 
-        assert (survey.detail is None) == (power == 0)
+        assert (shared.detail is None) == (power == 0)
 
 
 def test_a_photo_without_info_can_be_inspected(scene):

@@ -10,16 +10,16 @@ from color_scenes import SIZE, camera, pattern, picture, plane
 from photo_sets import photo_set
 
 from texproj.camera import Camera, Intrinsics, Pose
-from texproj.color.balance import shared_points as survey_module
+from texproj.color.balance import shared_points as shared_points_module
 from texproj.color.balance.corrections import Correction, corrected, factors_at, grid_of, grids_of
 from texproj.color.balance.photometry import solve_photometry
-from texproj.color.balance.shared_points import Shot, Survey, Surveyor
+from texproj.color.balance.shared_points import PointObserver, SharedPoints, Shot
 from texproj.color.balance.vignetting import lenses_of
 from texproj.color.points.source import VertexPoints
 from texproj.color.sampling.prepare import photo_view
 from texproj.color.sampling.store import Stack
 from texproj.color.vertices import color_vertices
-from texproj.color.weights.surface import sight_of
+from texproj.color.weights.surface import surface_view
 from texproj.options import ColorOptions, RenderOptions
 from texproj.photo import PhotoInfo
 from texproj.render import open_renderer
@@ -48,7 +48,7 @@ def loss_at(xy, corner):
     return (1 + ((1 - corner) ** -0.5 - 1) * squared) ** -2
 
 
-def survey_of(sees, gains, noise=0.0, corner=0.0, evs=None, still=False, seed=0):
+def shared_by(sees, gains, noise=0.0, corner=0.0, evs=None, still=False, seed=0):
     """sees: (p, n) bool; gains: (p, 3) light of each photo; noise: of log light; corner: light lost
     there; still: each point at the same place in all photos.
     """
@@ -61,7 +61,7 @@ def survey_of(sees, gains, noise=0.0, corner=0.0, evs=None, still=False, seed=0)
     rgb = color[point] * np.asarray(gains)[photo] * loss_at(xy, corner)[:, None]
     rgb *= np.exp(noise * rng.standard_normal(rgb.shape))
     shots = tuple(map(shot, evs if evs is not None else [None] * len(sees)))
-    return Survey(
+    return SharedPoints(
         shots, sees.shape[1], photo.astype(np.int32), point.astype(np.int32),
         rgb.astype(np.float32), np.ones(len(photo), np.float32), xy.astype(np.float32),
     )  # fmt: skip
@@ -77,8 +77,8 @@ def even(gains):
     return np.exp(np.log(gains).mean(axis=0)) / gains
 
 
-def solved(survey, **options):
-    return solve_photometry(survey, ColorOptions(**options))
+def solved(shared, **options):
+    return solve_photometry(shared, ColorOptions(**options))
 
 
 def chain(photos=16, points=100, shared=50, rise=0.03):
@@ -96,7 +96,7 @@ def test_gains_are_as_sure_as_the_noise_allows():
     """5 % noise on 1400 points: gains are off by more than nothing and less than five deviations,
     and the disagreement that is told is that of the noise.
     """
-    found = solved(survey_of(all_over(), GAINS, noise=0.05)).gains
+    found = solved(shared_by(all_over(), GAINS, noise=0.05)).gains
     error = np.abs(np.log(found.factor / even(GAINS)))
     expected = 0.05 / np.sqrt(1400)
     assert expected / 20 < error.max() < 5 * expected
@@ -105,14 +105,14 @@ def test_gains_are_as_sure_as_the_noise_allows():
 
 def test_the_mean_brightness_stays():
     """The geometric mean of the gains is 1, each channel."""
-    found = solved(survey_of(all_over(), GAINS)).gains.factor
+    found = solved(shared_by(all_over(), GAINS)).gains.factor
     assert np.allclose(np.log(found).mean(axis=0), 0, atol=1e-6)
 
 
 def test_something_in_front_does_not_count():
     """A third of what a photo shows is something twice as bright: its gain is off by < 1 %."""
     sees = all_over()
-    data = survey_of(sees, GAINS, noise=0.02)
+    data = shared_by(sees, GAINS, noise=0.02)
     wrong = (data.photo == 2) & (data.point < 660)
     data.rgb[wrong] = np.minimum(data.rgb[wrong] * 2, 0.9)
     found = solved(data).gains.factor
@@ -123,7 +123,7 @@ def test_vignetting_is_found_with_its_certainty():
     """A third of the light lost in the corners comes out within 1 % and within four of its own
     standard deviations, gains within .5 %, and it is corrected.
     """
-    result = solved(survey_of(all_over(), GAINS, noise=0.03, corner=0.35))
+    result = solved(shared_by(all_over(), GAINS, noise=0.03, corner=0.35))
     (lens,) = result.lenses
     true = float(loss_at(np.array([[WIDTH / 2 + lens.reach * HALF, HEIGHT / 2]]), 0.35)[0])
     off = abs(np.log(lens.corner / true))
@@ -136,7 +136,7 @@ def test_vignetting_is_found_with_its_certainty():
 
 def test_corrections_keep_the_mean_brightness_with_vignetting():
     """Gains times the lens's correction of what the photos show are 1 in the geometric mean."""
-    data = survey_of(all_over(), GAINS, corner=0.35)
+    data = shared_by(all_over(), GAINS, corner=0.35)
     result = solved(data)
     total = np.log(result.gains.factor[data.photo, 0]) - np.log(loss_at(data.xy_px, 0.35))
     means = [total[data.photo == p].mean() for p in range(5)]
@@ -151,7 +151,7 @@ def test_corrections_keep_the_mean_brightness_with_vignetting():
 def test_vignetting_that_cannot_be_is_left(corner, still, why):
     """No light is changed where a lens shows none, or where it cannot be told."""
     result = solved(
-        survey_of(all_over(), GAINS, noise=0.03, corner=corner, still=still), vignetting="on"
+        shared_by(all_over(), GAINS, noise=0.03, corner=corner, still=still), vignetting="on"
     )
     assert not result.lenses[0].corrected, why
     assert all(c.light is None for c in result.corrections)
@@ -162,7 +162,7 @@ def test_vignetting_off_and_auto():
     """Off looks at no lens. Auto leaves a sure loss alone that explains little of the differences;
     "on" corrects it.
     """
-    data = survey_of(all_over(), GAINS, noise=0.4, corner=0.35)
+    data = shared_by(all_over(), GAINS, noise=0.4, corner=0.35)
     assert solved(data, vignetting="off").lenses == ()
     auto, on = solved(data).lenses[0], solved(data, vignetting="on").lenses[0]
     assert auto.left > 0.95 and not auto.corrected
@@ -184,7 +184,7 @@ def alone(evs, gains=GAINS):
     sees = np.zeros((5, 2500), bool)
     sees[:4, :2000] = all_over(4)
     sees[4, 2000:] = True
-    return survey_of(sees, gains, noise=0.02, evs=evs)
+    return shared_by(sees, gains, noise=0.02, evs=evs)
 
 
 GRAY = np.array([1, 0.5, 1.5, 0.8, 2.0])[:, None] * np.ones(3)
@@ -226,7 +226,7 @@ def test_exif_holds_a_chain():
     sees, sheen = chain()
 
     def drift(evs):
-        log_gain = np.log(solved(survey_of(sees, sheen, evs=evs)).gains.factor).mean(axis=1)
+        log_gain = np.log(solved(shared_by(sees, sheen, evs=evs)).gains.factor).mean(axis=1)
         return abs(log_gain[-1] - log_gain[0])
 
     assert 0.35 < drift(None) < 0.46
@@ -235,7 +235,7 @@ def test_exif_holds_a_chain():
 
 def test_gains_off_leaves_the_photos_alone():
     """Every factor is 1 and nothing else is corrected."""
-    result = solved(survey_of(all_over(), GAINS, corner=0.35), gains=False)
+    result = solved(shared_by(all_over(), GAINS, corner=0.35), gains=False)
     assert np.all(result.gains.factor == 1) and result.lenses == ()
 
 
@@ -348,36 +348,38 @@ def test_photos_without_grids_are_left_alone():
 def surveyed(renderer, views, **sizes):
     points, options = VertexPoints.of(plane(60)), ColorOptions()
     with renderer.load(plane(60)) as scene:
-        surveyor = Surveyor(points, len(views) + 1)
+        observer = PointObserver(points, len(views) + 1)
         for number, view in enumerate(views):
             ready = photo_view(picture(view), view, scene, options)
-            sight = sight_of(points.owners, view, ready.depth_camera, len(ready.levels), options)
-            surveyor.add(number, sight, ready)
-    return points, surveyor.survey()
+            surface = surface_view(
+                points.owners, view, ready.depth_camera, len(ready.levels), options
+            )
+            observer.add(number, surface, ready)
+    return points, observer.shared()
 
 
 def test_a_survey_knows_who_saw_what_where(cpu):
     """Each observation has the photo's own color, at the place where the camera sees the point."""
     views = [camera(c, dist=(-0.1, 0.02, 0.001, 0, 0)) for c in VIEWS]
-    points, survey = surveyed(cpu, views)
-    assert survey.shots[4] is None and survey.points == 61 * 61
+    points, shared = surveyed(cpu, views)
+    assert shared.shots[4] is None and shared.points == 61 * 61
     for number, view in enumerate(views):
-        mine = survey.photo == number
-        xyz = (points.owners.center + points.owners.origin)[survey.point[mine]]
+        mine = shared.photo == number
+        xyz = (points.owners.center + points.owners.origin)[shared.point[mine]]
         xy, _ = view.project(xyz)
         assert mine.sum() > 2000
-        assert np.abs(xy - survey.xy_px[mine]).max() < 0.06  # the lens by its table
-        assert np.abs(survey.rgb[mine] - pattern(*xyz.T[:2])).max() < 0.004
+        assert np.abs(xy - shared.xy_px[mine]).max() < 0.06  # the lens by its table
+        assert np.abs(shared.rgb[mine] - pattern(*xyz.T[:2])).max() < 0.004
 
 
 def test_a_survey_stays_small_whatever_the_number_of_photos(cpu, monkeypatch):
     """With a limit below what four photos see, the same fewer points are kept of all photos."""
     views = [camera(c) for c in VIEWS]
     _, full = surveyed(cpu, views)
-    monkeypatch.setattr(survey_module, "MOST_OBSERVATIONS", 4000)
-    _, survey = surveyed(cpu, views)
-    assert 2000 < len(survey.photo) <= 4000 < len(full.photo)
+    monkeypatch.setattr(shared_points_module, "MOST_OBSERVATIONS", 4000)
+    _, shared = surveyed(cpu, views)
+    assert 2000 < len(shared.photo) <= 4000 < len(full.photo)
     step = 4
     kept = full.point % step == 0
-    assert np.array_equal(survey.point, full.point[kept])
-    assert np.array_equal(survey.rgb, full.rgb[kept])
+    assert np.array_equal(shared.point, full.point[kept])
+    assert np.array_equal(shared.rgb, full.rgb[kept])

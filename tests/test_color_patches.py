@@ -240,7 +240,7 @@ def test_only_photos_that_show_a_face_are_chosen():
     hidden = np.sort(hidden, axis=1)
     views = FaceViews(
         np.where(hidden, -1, views.photo), np.where(hidden, np.inf, views.cost),
-        views.to_consensus, np.full(len(mesh.faces), 60.0, np.float32), views.glimpse,
+        views.to_consensus, np.full(len(mesh.faces), 60.0, np.float32), views.partly,
         views.outlier,
     )  # fmt: skip
     graph = dual_graph(mesh)

@@ -5,6 +5,8 @@ import contextlib
 import re
 import shlex
 import shutil
+import tomllib
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -82,6 +84,21 @@ def parse(line: str) -> None:
         app.parse_args(words[1:], print_error=False, exit_on_error=False)
 
 
+def test_keys_at_the_top_of_project_toml_are_told():
+    """Those that belong to no table have no generated text: each is named, its example holds."""
+    from texproj.settings import SECTIONS, Settings, read_settings
+
+    text = (CHECKOUT / "docs/settings.md").read_text().split("<!-- settings -->")[0]
+    said = dict(re.findall(r"^- `((\w+) = .*)`:", text, re.MULTILINE))
+    tables = {name.replace("-", "_") for name in SECTIONS}
+    keys = {field.name for field in fields(Settings)} - tables
+
+    assert set(said.values()) == keys
+    settings = read_settings("\n".join(said), "docs/settings.md")
+    assert settings.photos == Settings().photos
+    assert settings.largest_photo_mp == Settings().largest_photo_mp
+
+
 @pytest.mark.parametrize("path", PAGES, ids=id_of)
 def test_commands_can_be_typed_as_they_stand(path):
     """Each `texproj` line of a shell block parses, and so does what a sentence quotes, though there
@@ -93,6 +110,16 @@ def test_commands_can_be_typed_as_they_stand(path):
     for line in re.findall(r"`(texproj [^`]+)`", path.read_text().replace("\n", " ")):
         with contextlib.suppress(MissingArgumentError):
             parse(line)
+
+
+def test_every_dependency_has_its_reason():
+    """The table of libraries and pyproject.toml name the same."""
+    project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
+    needed = {re.split(r"[>=;\s]", text)[0] for text in project["dependencies"]}
+    part = (CHECKOUT / "docs/architecture.md").read_text().split("## Why these libraries")[1]
+    told = re.findall(r"^\| ([a-z0-9, -]+?)(?: \(.*\))? \|", part, re.MULTILINE)
+
+    assert needed == {name for row in told for name in row.split(", ")} - {"library"}
 
 
 def test_both_commands_install_in_the_same_way():
@@ -111,8 +138,6 @@ def test_both_commands_install_in_the_same_way():
 
 def test_the_newest_version_of_the_changelog_is_the_program_s():
     """Each version has its date, newest first."""
-    import tomllib
-
     text = (CHECKOUT / "CHANGELOG.md").read_text()
     versions = re.findall(r"^## \[(\d+\.\d+\.\d+)\] - (\d{4}-\d\d-\d\d)$", text, re.MULTILINE)
     project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]

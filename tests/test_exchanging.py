@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 import trimesh
-from PIL import Image
+from PIL import Image, ImageOps
 
 from texproj.camera import Camera, Intrinsics, Pose
 from texproj.cli import main
@@ -254,7 +254,214 @@ def test_large_coordinates_are_told(tmp_path):
     np.testing.assert_allclose(got, camera.center, rtol=0, atol=1e-8)
 
 
+# --- cameras that the picture contradicts
+
+
+def truth_of(folder):
+    """The project of the small demo without any camera, and its true cameras."""
+    (folder / "cameras.json").unlink()
+    records = read_cameras(folder / "truth" / "cameras.json").records
+    return Project.open(folder), {record.file: record.camera for record in records}
+
+
+def rolled(cameras):
+    """All cameras upside down: of photos whose EXIF the other program ignored."""
+    return {name: upright(camera, 3) for name, camera in cameras.items()}
+
+
+def test_what_the_picture_proves_is_registered(project_folder, tmp_path):
+    """The numbers that were looked at are in each entry's quality."""
+    project, cameras = truth_of(project_folder)
+    outcome = take(project, file_of(tmp_path, cameras))
+    entries = project.load_cameras()
+
+    assert set(outcome.status.values()) == {"registered"} and outcome.starts == {}
+    assert all(entry.quality["standing"] == "proved" for entry in entries.values())
+    assert all(entry.quality["patches_in_place"] > 0.3 for entry in entries.values())
+
+
+def test_what_the_picture_contradicts_is_a_start(project_folder, tmp_path, capsys):
+    """Cameras that read well and see the mesh, but not as the photos do: nobody vouches for them,
+    a sentence says why, and registration starts from there; exit 1.
+    """
+    project, cameras = truth_of(project_folder)
+    folder = file_of(tmp_path, rolled(cameras))
+    assert main(["import", str(project.root), str(folder), "--json"]) == 1
+    told = json.loads(capsys.readouterr().out)
+    entries = project.load_cameras()
+
+    assert set(told["status"].values()) == {"prior"} and set(told["starts"]) == set(cameras)
+    assert all(entry.registered_camera is None and entry.camera for entry in entries.values())
+    assert all(entries[name].quality["reason"] == why for name, why in told["starts"].items())
+
+    main(["import", str(project.root), str(folder)])
+    assert "registration starts from there" in capsys.readouterr().out
+
+
+def test_a_registered_camera_stays_where_the_new_one_is_contradicted(project_folder, tmp_path):
+    """Nothing that works is lost to a wrong file."""
+    project, cameras = truth_of(project_folder)
+    take(project, file_of(tmp_path, cameras))
+    before = project.cameras_path.read_bytes()
+    with pytest.raises(InputError, match="registered camera of this photo stays"):
+        take(project, file_of(tmp_path, rolled(cameras)))
+
+    assert project.cameras_path.read_bytes() == before
+
+
+def test_as_prior_nothing_is_judged(project_folder, tmp_path):
+    """Who asks for starts gets starts."""
+    project, cameras = truth_of(project_folder)
+    outcome = take(project, file_of(tmp_path, rolled(cameras)), status="prior")
+
+    assert set(outcome.status.values()) == {"prior"} and outcome.starts == {}
+
+
+def test_cameras_of_undistorted_pictures_are_no_cameras_of_the_photos(project, tmp_path):
+    """Pictures made free of distortion differ little in size and have no distortion: nothing on a
+    black photo proves that it is the same but for scale, so nobody vouches for the camera.
+    """
+    pinhole = looking(0, LENS.resized(88, 66))
+    outcome = take(project, file_of(tmp_path, {"one.jpg": pinhole}, "colmap"))
+
+    assert project.load_cameras()["one.jpg"].status == "prior"
+    assert "88 x 66" in outcome.starts["one.jpg"] and "distortion" in outcome.starts["one.jpg"]
+
+
+def test_what_the_reader_says_is_told_when_nothing_can_be_taken(project, tmp_path):
+    """A georeferenced chunk whose cameras stand elsewhere: the error says what the chunk is."""
+    folder = file_of(tmp_path, {"one.jpg": away(0)}, "metashape")
+    path = folder / "cameras.xml"
+    reference = "<reference>GEOGCS[]</reference></chunk>"
+    path.write_text(path.read_text().replace("</chunk>", reference))
+
+    with pytest.raises(InputError, match=r"do not look at the mesh.*georeferenced"):
+        take(project, path)
+
+
+def test_a_name_is_the_same_however_its_accents_are_written(project, tmp_path):
+    """macOS writes letter and accent apart; others as one letter."""
+    composed, apart = "caf\u00e9.jpg", "cafe\u0301.jpg"
+    photo(project.root, apart, (WIDTH, HEIGHT))
+    outcome = take(Project.open(project.root), file_of(tmp_path, {composed: looking(0)}))
+
+    assert list(outcome.in_view) == [apart]
+
+
+def test_models_that_were_not_read_are_told(project, tmp_path):
+    """COLMAP's largest model is read; a remark names the others."""
+    for part, names in (("0", NAMES[:1]), ("1", NAMES[1:])):
+        folder = tmp_path / "ws" / "sparse" / part
+        folder.mkdir(parents=True)
+        shots = [Shot(name, name, looking(k)) for k, name in enumerate(names)]
+        for name, content in WRITERS["colmap"](shots, "mesh.ply").files.items():
+            (folder / name).write_bytes(content)
+    outcome = take(project, tmp_path / "ws")
+
+    assert set(outcome.in_view) == set(NAMES[1:])
+    assert any("0 (1 photos)" in remark for remark in outcome.remarks)
+
+
 # --- photos that EXIF turns
+
+
+def lying(folder, orientation, names=None):
+    """The demo's photos stored turned, with EXIF to make them upright again."""
+    stored = {3: Image.ROTATE_180, 6: Image.ROTATE_90, 8: Image.ROTATE_270}[orientation]
+    exif = Image.Exif()
+    exif[274] = orientation
+    for path in sorted((folder / "photos").iterdir()):
+        if names is None or path.name in names:
+            upright_pixels = ImageOps.exif_transpose(Image.open(path))
+            upright_pixels.transpose(stored).save(path, quality=97, exif=exif)
+
+
+@pytest.mark.parametrize("ignored", [False, True])
+def test_the_picture_tells_how_upside_down_photos_were_meant(ignored, project_folder, tmp_path):
+    """EXIF 3 changes no size: with nothing else to go by, both are tried on the picture, and the
+    cameras come out right whether the other program turned the photos or not.
+    """
+    project, cameras = truth_of(project_folder)
+    lying(project.root, 3)
+    told = rolled(cameras) if ignored else cameras
+    outcome = take(Project.open(project.root), file_of(tmp_path, told))
+    entries = project.load_cameras()
+
+    assert set(outcome.status.values()) == {"registered"}
+    for name, camera in cameras.items():
+        np.testing.assert_allclose(entries[name].pose.R, camera.pose.R, atol=1e-9)
+
+
+@pytest.mark.parametrize("painted_on", ["upright", "stored"])
+def test_a_mask_of_the_stored_picture_is_told(painted_on, project_folder, tmp_path):
+    """The outline of the piece as it lies in an upside-down file fits the mesh only turned: the
+    import says what to do; the outline of the upright picture is fine.
+    """
+    project, cameras = truth_of(project_folder)
+    lying(project.root, 3)
+    name = next(iter(cameras))
+    k = cameras[name].intrinsics
+    outline = np.zeros((k.height, k.width), np.uint8)
+    points = cameras[name].project(project.load_mesh().mesh.vertices)[0]
+    hull = cv2.convexHull(points[np.isfinite(points).all(axis=1)].astype(np.int32))
+    cv2.fillConvexPoly(outline, hull, 255)
+    turned = outline[::-1, ::-1] if painted_on == "stored" else outline
+    (project.root / "masks").mkdir(exist_ok=True)
+    path = project.root / "masks" / f"{name.partition('.')[0]}.png"
+    cv2.imwrite(str(path), turned)
+    outcome = take(Project.open(project.root), file_of(tmp_path, cameras))
+
+    told = "mask" in outcome.notes.get(name, "")
+    assert told == (painted_on == "stored")
+
+
+def test_one_photo_tells_what_the_program_did_with_all(project, tmp_path):
+    """A photo of orientation 6 has another shape lying than upright: what the program did with it
+    decides for the upside-down ones, on black photos too.
+    """
+    photo(project.root, "one.jpg", (WIDTH, HEIGHT), orientation=6)
+    photo(project.root, "Two.JPG", (WIDTH, HEIGHT), orientation=3)
+    outcome = take(project, file_of(tmp_path, {"one.jpg": looking(0), "Two.JPG": looking(1)}))
+    got = project.load_cameras()["Two.JPG"].camera.pose.R
+
+    np.testing.assert_allclose(got, upright(looking(1), 3).pose.R, atol=1e-12)
+    assert "stored picture" in outcome.notes["Two.JPG"]
+
+
+def test_metashape_says_what_it_did(project, tmp_path):
+    """Its <orientation> is EXIF's where the camera is of the stored picture."""
+    photo(project.root, "one.jpg", (WIDTH, HEIGHT), orientation=3)
+    folder = file_of(tmp_path, {"one.jpg": looking(0)}, "metashape")
+    path = folder / "cameras.xml"
+    orientation = "</transform><orientation>3</orientation>"
+    path.write_text(path.read_text().replace("</transform>", orientation))
+    take(project, path)
+
+    got = project.load_cameras()["one.jpg"].camera.pose.R
+    np.testing.assert_allclose(got, upright(looking(0), 3).pose.R, atol=1e-12)
+
+
+def test_files_without_sizes_are_read_for_the_stored_picture_too(project_folder, tmp_path):
+    """RealityScan's table tells no size; of photos that lie on their side the camera may be of the
+    stored picture, whose size is the other way round.
+    """
+    project, cameras = truth_of(project_folder)
+    plain = {
+        n: Camera(replace(c.intrinsics, dist=(c.intrinsics.dist[0], 0, 0, 0, 0)), c.pose)
+        for n, c in cameras.items()
+    }
+    lying(project.root, 6)
+    stored = {name: upright(camera, 8) for name, camera in plain.items()}
+    take(Project.open(project.root), file_of(tmp_path, stored, "realityscan"))
+    entries = project.load_cameras()
+
+    for name, camera in plain.items():
+        got = entries[name]
+        assert got.status == "registered" and got.width == camera.width
+        np.testing.assert_allclose(got.pose.R, camera.pose.R, atol=1e-9)
+        assert (got.intrinsics.cx, got.intrinsics.cy) == pytest.approx(
+            (camera.intrinsics.cx, camera.intrinsics.cy)
+        )
 
 
 @pytest.mark.parametrize("orientation", [3, 6, 8])

@@ -6,8 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
+from texproj.camera import Camera, Intrinsics, Pose
 from texproj.errors import InputError
-from texproj.formats.interchange import READERS, detect
+from texproj.formats.interchange import READERS, Shot, detect, other_models
+from texproj.formats.interchange.colmap import write_colmap
 
 SIZE = (2000, 1500)
 
@@ -41,6 +43,30 @@ def test_colmap_text(tmp_path):
     assert [c.name for c in model.cameras] == ["left/a b.jpg", "right/c.jpg"]
     assert pixel(model, (1, 0, 0)) == pytest.approx([320, 340.4])
     assert pixel(model, (1, 0, 0), 1) == pytest.approx([420.4, 240])
+
+
+@pytest.mark.parametrize("observed", [0, 1, 2])
+def test_colmap_images_without_their_empty_lines(observed, tmp_path):
+    """Scripts that strip a file take the empty lines of observations out; those that are not empty
+    stay, and are no images.
+    """
+    colmap_folder(tmp_path)
+    points = "".join(f"{x}.5 {x}.25 -1 " for x in range(10 * observed)).strip()
+    rows = [f"{k} 1 0 0 0 0 0 5 7 {k}.jpg" for k in range(1, 5)]
+    lines = [rows[0], *([points] if observed else []), rows[1], rows[2],
+             *([points] if observed == 2 else []), rows[3]]  # fmt: skip
+    (tmp_path / "images.txt").write_text("\n".join(lines) + "\n")
+
+    names = [camera.name for camera in read("colmap", tmp_path).cameras]
+    assert names == ["1.jpg", "2.jpg", "3.jpg", "4.jpg"]
+
+
+def test_colmap_needs_no_points(tmp_path):
+    """points3D is not looked at: it may be absent, or anything."""
+    colmap_folder(tmp_path)
+    (tmp_path / "points3D.txt").write_bytes(b"\xff\x00")
+
+    assert len(read(*detect(tmp_path)).cameras) == 2
 
 
 LENSES = [
@@ -134,6 +160,19 @@ def test_bundler_without_the_photo_says_that_it_is_absent(tmp_path):
     assert (model.cameras, model.absent) == ((), ("a.jpg",))
 
 
+@pytest.mark.parametrize(
+    "name", ["bundle.list.txt", "bundle.out.list.txt", "List.TXT", "pictures.txt", "anything.txt"]
+)
+def test_bundler_lists_have_many_names(name, tmp_path):
+    """Those that programs give them, and the one text that names as many photos."""
+    (tmp_path / "bundle.out").write_text("# v0.3\n1 0\n900 0 0\n1 0 0\n0 1 0\n0 0 1\n0 0 9\n")
+    (tmp_path / name).write_text("C:\\photos\\my photo 2.jpg 2000 1500 930.5\n")
+    (tmp_path / "readme.txt").write_text("One line of words.\n")
+
+    model = read("bundler", tmp_path / "bundle.out")
+    assert [c.name for c in model.cameras] == ["C:\\photos\\my photo 2.jpg"]
+
+
 # --- MeshLab
 
 RASTER = """<!DOCTYPE MeshLabDocument>
@@ -173,6 +212,14 @@ def test_meshlab_layer_matrix_is_undone(tmp_path):
 
 def test_meshlab_distortion_is_ignored_with_a_word(tmp_path):
     assert "ignored" in read("meshlab", meshlab_file(tmp_path, k="0.1 0")).cameras[0].notes[0]
+
+
+def test_meshlab_raster_without_a_viewport_says_what_to_do(tmp_path):
+    path = meshlab_file(tmp_path)
+    path.write_text(path.read_text().replace('"2000 1500"', '"-1 -1"'))
+
+    reason = read("meshlab", path).refused["photos/a.jpg"]
+    assert "-1 x -1" in reason and "align" in reason
 
 
 # --- Metashape
@@ -256,6 +303,30 @@ def test_metashape_georeferenced_chunk_is_told(tmp_path):
     assert "georeferenced" in read("metashape", metashape_file(tmp_path, after=after)).notes[0]
 
 
+def test_metashape_rigs_and_disabled_cameras_say_what_to_do(tmp_path):
+    """Photos of a rig but the first have no pose of their own there; disabled cameras keep the
+    pose of an earlier day.
+    """
+    path = metashape_file(tmp_path)
+    text = path.read_text().replace('label="B"', 'label="B" master_id="0"')
+    text = text.replace('label="A"', 'label="A" enabled="false"')
+    path.write_text(text)
+    model = read("metashape", path)
+
+    assert model.cameras == ()
+    assert "rig" in model.refused["B"] and "COLMAP" in model.refused["B"]
+    assert "disabled" in model.refused["A"] and "enable" in model.refused["A"]
+
+
+def test_metashape_tells_the_orientation(tmp_path):
+    path = metashape_file(tmp_path)
+    text = path.read_text().replace("</transform>\n</camera>", "</transform><orientation>6"
+                                    "</orientation></camera>")  # fmt: skip
+    path.write_text(text)
+
+    assert read("metashape", path).cameras[0].orientation == 6
+
+
 # --- RealityScan
 
 HEADER = "#name,x,y,alt,heading,pitch,roll,f,px,py,k1,k2,k3,k4,t1,t2\n"
@@ -284,6 +355,26 @@ def test_realityscan_principal_point(tmp_path):
     path.write_text(f"{HEADER}a.jpg,0,0,10,0,0,0,36,0.01,0.01,0,0,0,0,0,0\n")
 
     assert pixel(read("realityscan", path), (0, 0, 0)) == pytest.approx((1020, 770))
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "utf-8-sig"])
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_realityscan_tables_of_other_countries(encoding, end, tmp_path):
+    """Semicolons between the values, decimals with commas, any line end and encoding."""
+    path = tmp_path / "a.csv"
+    text = f"{HEADER}a.jpg,0,0,10,0,0,0,36,0.01,0.01,0,0,0,0,0,0\n".replace(",", ";")
+    path.write_bytes(text.replace(".01", ",01").replace("\n", end).encode(encoding))
+
+    assert pixel(read("realityscan", path), (0, 0, 0)) == pytest.approx((1020, 770))
+
+
+def test_decimal_commas_between_commas_are_told(tmp_path):
+    """Nothing tells which comma is which: the sentence says how to export."""
+    path = tmp_path / "a.csv"
+    path.write_text(f"{HEADER}a.jpg,0,0,10,0,0,0,36,0,01,0,01,0,0,0,0,0,0\n")
+
+    with pytest.raises(InputError, match=r"line 2: 18 values for 16 columns.*semicolons"):
+        read("realityscan", path)
 
 
 SIDECAR = """<x:xmpmeta xmlns:x="adobe:ns:meta/">
@@ -450,6 +541,24 @@ def test_the_format_is_found_from_name_and_content(tmp_path):
     assert detect(tmp_path, "metashape") == ("metashape", tmp_path / "cameras.xml")
 
 
+@pytest.mark.parametrize("binary", [False, True])
+def test_the_largest_colmap_model_is_found(binary, tmp_path):
+    """Of sparse/0, sparse/1, ... the one with most photos; the others are told."""
+    lens = Intrinsics(640, 480, 500, 500, 320, 240)
+    for part, count in (("0", 2), ("1", 3), ("10", 1)):
+        folder = tmp_path / "sparse" / part
+        folder.mkdir(parents=True)
+        shots = [Shot(f"{k}.jpg", "", Camera(lens, Pose.identity())) for k in range(count)]
+        for name, content in write_colmap(shots, binary).files.items():
+            (folder / name).write_bytes(content)
+    kind, found = detect(tmp_path)
+
+    assert (kind, found) == ("colmap", tmp_path / "sparse" / "1")
+    assert len(read(kind, found).cameras) == 3
+    assert "0 (2 photos), 10 (1 photos)" in other_models(tmp_path, found)[0]
+    assert other_models(found, found) == ()
+
+
 @pytest.mark.parametrize("name", ["absent.xml", "empty", "a.txt", "other.json"])
 def test_what_is_no_camera_file_is_said(name, tmp_path):
     """One sentence that names the path."""
@@ -463,7 +572,6 @@ def test_what_is_no_camera_file_is_said(name, tmp_path):
 
 # --- broken files
 
-R9, T16 = "1 0 0 0 1 0 0 0 1", "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1"
 BROKEN = [
     ("metashape", "c.xml", "<document><chunk>", "not XML"),
     ("metashape", "c.xml", "<html/>", "not a Metashape camera file"),

@@ -1,5 +1,6 @@
 """Reading meshes of every format, as scanners and modelers write them."""
 
+import base64
 import json
 import struct
 import time
@@ -9,7 +10,7 @@ import pytest
 import trimesh
 
 from texproj.errors import InputError
-from texproj.formats.meshes import MESH_SUFFIXES, read_mesh
+from texproj.formats.meshes import MESH_SUFFIXES, read_mesh, read_mesh_file
 from texproj.repair import repair
 
 TETRA = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float)
@@ -320,6 +321,128 @@ def test_a_compressed_glb_is_named_as_such(tmp_path, name):
     (tmp_path / "c.glb").write_bytes(glb_without_geometry(extensionsRequired=[name]))
     with pytest.raises(InputError, match=rf"c\.glb: compressed by {name}"):
         read_mesh(tmp_path / "c.glb")
+
+
+XYZ = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [5, 5, 5]], "<f4")
+CORNERS = np.array([0, 1, 2, 3], "<u2")
+
+
+def gltf(primitive, uri=None, **accessors):
+    """A glTF of one part; its buffer holds XYZ, CORNERS and one more corner."""
+    buffer = XYZ.tobytes() + CORNERS.tobytes() + np.array([4], "<u2").tobytes()
+    data = "data:application/octet-stream;base64," + base64.b64encode(buffer).decode()
+    position = {"bufferView": 0, "componentType": 5126, "count": 5, "type": "VEC3"}
+    indices = {"bufferView": 1, "componentType": 5123, "count": 4, "type": "SCALAR"}
+    views = [(0, 60), (60, 8), (68, 2), (48, 12)]
+    return {
+        "asset": {"version": "2.0"}, "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}} | primitive]}],
+        "accessors": [position | accessors.get("position", {}),
+                      indices | accessors.get("indices", {})],
+        "bufferViews": [{"buffer": 0, "byteOffset": a, "byteLength": n} for a, n in views],
+        "buffers": [{"byteLength": len(buffer), "uri": uri or data}],
+    }  # fmt: skip
+
+
+SPARSE = {
+    "count": 1, "indices": {"bufferView": 2, "componentType": 5123},
+    "values": {"bufferView": 3},
+}  # fmt: skip
+KINDS = {
+    "list": ({"indices": 1}, {}, [[0, 1, 2]]),
+    "strip": ({"indices": 1, "mode": 5}, {}, [[0, 1, 2], [1, 3, 2]]),
+    "fan": ({"indices": 1, "mode": 6}, {}, [[0, 1, 2], [0, 2, 3]]),
+    "no indices": ({}, {}, [[0, 1, 2]]),
+    "bytes": ({"indices": 1}, {"indices": {"componentType": 5121, "count": 3}}, [[0, 0, 1]]),
+    "sparse": ({"indices": 1, "mode": 5}, {"position": {"sparse": SPARSE}}, [[0, 1, 2], [1, 3, 2]]),
+}
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_primitives_of_every_kind(tmp_path, name):
+    """Lists, strips and fans turn the way that the standard says; sparse data count."""
+    primitive, accessors, expected = KINDS[name]
+    (tmp_path / "a.gltf").write_text(json.dumps(gltf(primitive, **accessors)))
+    vertices, faces = read_mesh(tmp_path / "a.gltf")
+    np.testing.assert_array_equal(vertices, XYZ)
+    np.testing.assert_array_equal(faces, expected)
+
+
+def test_quantized_positions_are_fractions(tmp_path):
+    """KHR_mesh_quantization: normalized integers, moved by the node."""
+    position = {"componentType": 5122, "normalized": True, "count": 4}
+    content = gltf({}, position=position)
+    (tmp_path / "q.gltf").write_text(json.dumps(content))
+    raw = np.frombuffer(XYZ.tobytes()[:24], "<i2").reshape(4, 3)
+    vertices = read_mesh(tmp_path / "q.gltf")[0]
+    np.testing.assert_allclose(vertices, np.maximum(raw / 32767, -1))
+
+
+def test_lines_and_points_are_no_faces(tmp_path):
+    (tmp_path / "p.gltf").write_text(json.dumps(gltf({"mode": 0})))
+    with pytest.raises(InputError, match="points but no faces"):
+        read_mesh(tmp_path / "p.gltf")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"nodes": [{"mesh": 0, "children": [0]}]}, {"nodes": [{"mesh": 1}]}, {"nodes": 5},
+        {"nodes": [{"children": [1, 1]}, {"mesh": 0}]}, {"meshes": [5]}, {"accessors": {}},
+        {"nodes": [{"mesh": 0, "matrix": [1] * 15}]}, {"nodes": [{"mesh": 0, "scale": "x"}]},
+        {"buffers": [{"uri": "../outside.bin"}]}, {"buffers": [{"uri": "/etc/hostname"}]},
+        {"buffers": [{"uri": "none.bin"}]}, {"buffers": [{"uri": "data:,%%%"}]},
+        {"bufferViews": [{"buffer": 0, "byteLength": 60, "byteOffset": 30}]},
+        {"accessors": [{"bufferView": 0, "componentType": 5126, "count": 2**40, "type": "VEC3"}]},
+        {"accessors": [{"bufferView": 0, "componentType": 9, "count": 3, "type": "VEC3"}]},
+        {"accessors": [{"componentType": 5126, "count": 2**30, "type": "VEC3"}]},
+        {"extensionsUsed": ["EXT_mesh_gpu_instancing"]},
+    ],
+)  # fmt: skip
+def test_a_gltf_that_contradicts_itself_is_refused(tmp_path, change):
+    """Circles, references to nothing, wrong counts, buffers outside of the folder."""
+    (tmp_path / "a.gltf").write_text(json.dumps(gltf({}) | change))
+    with pytest.raises(InputError, match=r"\.gltf|none\.bin"):
+        read_mesh(tmp_path / "a.gltf")
+
+
+def test_a_buffer_beside_the_original_of_a_link_is_found(tmp_path):
+    """As `texproj new --link` makes it."""
+    (tmp_path / "scan").mkdir()
+    (tmp_path / "scan" / "b c.bin").write_bytes(XYZ.tobytes())
+    (tmp_path / "scan" / "a.gltf").write_text(json.dumps(gltf({}, "b%20c.bin")))
+    (tmp_path / "a.gltf").symlink_to(tmp_path / "scan" / "a.gltf")
+    np.testing.assert_array_equal(read_mesh(tmp_path / "a.gltf")[0], XYZ)
+
+
+def test_off_of_every_kind(tmp_path):
+    """Comments, colors, polygons, counts on the first line."""
+    text = "# a\nSTCNOFF 5 2 0 # counts\n" + "".join(f"{x} {y} {z} 9 9\n" for x, y, z in XYZ)
+    (tmp_path / "a.off").write_text(text + "\n4 0 1 3 2 0.5 0.5 0.5\n3 0 1 4\n")
+    vertices, faces = read_mesh(tmp_path / "a.off")
+    np.testing.assert_array_equal(vertices, XYZ)
+    np.testing.assert_array_equal(faces, [[0, 1, 3], [0, 3, 2], [0, 1, 4]])
+
+
+TEXTURED_FILES = {
+    "t.obj": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n",
+    "t.gltf": json.dumps(gltf({"attributes": {"POSITION": 0, "TEXCOORD_0": 0}})).encode(),
+    "t.ply": b"ply\nformat ascii 1.0\ncomment TextureFile a.png\nelement vertex 3\n"
+    b"property float x\nproperty float y\nproperty float z\nelement face 1\n"
+    b"property list uchar int vertex_indices\nproperty list uchar float texcoord\n"
+    b"end_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2 6 0 0 1 0 0 1\n",
+}
+
+
+@pytest.mark.parametrize("name", TEXTURED_FILES)
+def test_a_mesh_that_brings_texture_coordinates_is_told_of(tmp_path, name):
+    """And one that brings none is not."""
+    (tmp_path / name).write_bytes(TEXTURED_FILES[name])
+    mesh = read_mesh_file(tmp_path / name)
+    assert len(mesh.faces) == 1
+    assert ["not used" in note for note in mesh.notes] == [True]
+    (tmp_path / "plain.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert read_mesh_file(tmp_path / "plain.obj").notes == ()
 
 
 def test_missing_empty_and_unknown_files(tmp_path):

@@ -154,10 +154,14 @@ def test_doctor_says_why_a_package_is_missing():
 
 
 def test_public_names_have_types(tmp_path):
-    """mypy, on somebody else's file, knows each public name; none is Any."""
+    """mypy, on somebody else's file, knows each public name; none is Any. The examples of
+    docs/python.md are such a file.
+    """
     import texproj
 
-    lines = ["import texproj", *(f"reveal_type(texproj.{name})" for name in texproj.__all__)]
+    page = (CHECKOUT / "docs/python.md").read_text()
+    examples = re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
+    lines = [*examples, *(f"reveal_type(texproj.{name})" for name in texproj.__all__)]
     wrong = ["name: int = texproj.Project.open", "texproj.no_such_name"]
     script = tmp_path / "script.py"
     script.write_text("\n".join([*lines, *wrong]) + "\n")

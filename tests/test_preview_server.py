@@ -1,6 +1,8 @@
 """The page's server: what it answers, whom it refuses, and that nobody's work is lost."""
 
 import json
+import shutil
+import threading
 import time
 from contextlib import contextmanager
 
@@ -9,11 +11,15 @@ import numpy as np
 import pytest
 from preview_project import BROKEN, cameras, corner_points, make_project, running
 
+from texproj.files import file_hash
 from texproj.options import PreviewOptions
 from texproj.preview import app as app_module
+from texproj.preview import work
 from texproj.preview.geometry import pack, simplified
+from texproj.preview.jobs import MOST_JOBS, Clock, TooManyJobs
 from texproj.preview.session import Session
 from texproj.project import Project
+from texproj.stages.attending import INTERNAL
 
 PHOTO = "0000.png"
 
@@ -81,7 +87,7 @@ def test_every_photo_has_a_verdict_and_an_advice(page):
     assert photos["0000.png"]["status"] == "registered"
     assert not photos["0000.png"]["weak"]
     assert photos["0002.png"]["weak"]
-    assert photos["0002.png"]["advice"] == "Pick 4 points."
+    assert photos["0002.png"]["advice"] == "Pick 8 points."
     assert photos["0003.png"]["status"] == "prior"
     assert photos[BROKEN]["status"] == "broken"
     assert BROKEN in photos[BROKEN]["reason"]
@@ -348,6 +354,137 @@ def test_a_job_can_be_stopped(root):
     assert not session.jobs.cancel(job.id)
 
 
+def test_a_job_is_not_queued_twice_and_jobs_are_bounded(root):
+    """200 requests for one job are one job; of 200 different ones no more than 16 wait."""
+    session = Session(root, PreviewOptions())
+    hold = threading.Event()
+    same = {session.jobs.start("test", "Test", lambda _: hold.wait())[0].id for _ in range(200)}
+    assert len(same) == 1
+    with pytest.raises(TooManyJobs, match="wait already"):
+        for number in range(200):
+            session.jobs.start("test", "Test", lambda _: None, str(number))
+    assert len(session.jobs.active) == MOST_JOBS
+    hold.set()
+    wait_for(lambda: not session.jobs.active)
+    session.close()
+
+
+def test_a_stopped_job_can_be_asked_for_again(root):
+    """While the old one still ends, the new one waits for its turn and is not taken for it."""
+    session = Session(root, PreviewOptions())
+    hold = threading.Event()
+    first, _ = session.jobs.start("test", "Test", lambda _: hold.wait())
+    session.jobs.cancel(first.id)
+    second, future = session.jobs.start("test", "Test", lambda _: "made")
+    hold.set()
+
+    assert second.id != first.id
+    assert future.result(5) == "made"
+    session.close()
+
+
+def test_an_unforeseen_fault_of_a_job_is_told_and_logged(own, monkeypatch):
+    """The page is told where to look, the traceback is in the project's log, the next job runs."""
+    root, page = own
+
+    def fail(*_):
+        raise ZeroDivisionError("of the test")
+
+    monkeypatch.setattr(work, "STAGES", {"run": ("Make the model", fail)})
+    with page.stream("GET", "/api/events") as news:
+        lines = news.iter_lines()
+        next(lines)
+        page.post("/api/jobs", json={"kind": "run"})
+        told = next(json.loads(line[6:]) for line in lines if '"failed"' in line)
+
+    assert told["message"] == INTERNAL
+    assert "ZeroDivisionError: of the test" in (root / "work/log/texproj.log").read_text()
+
+
+def test_what_a_stage_still_takes_is_told_from_what_it_took(monkeypatch):
+    """3 of 10 steps in 6 s: 14 s are left; another stage begins anew; nothing is told at once."""
+    now = [100.0]
+    monkeypatch.setattr("texproj.preview.jobs.time.monotonic", lambda: now[0])
+    clock = Clock()
+    assert clock.left_s("register", 0, 10) is None
+    now[0] += 6
+    assert clock.left_s("register", 3, 10) == pytest.approx(14)
+    assert clock.left_s("color", 3, 10) is None
+
+
+# --- the folder
+
+
+def test_a_mesh_is_read_for_its_hash_once(root, monkeypatch):
+    """However many requests there are; a photo that comes is seen, though."""
+    hashed = []
+    monkeypatch.setattr(
+        "texproj.project.file_hash", lambda path: hashed.append(path) or file_hash(path)
+    )
+    session = Session(root, PreviewOptions())
+    project = session.project
+    for _ in range(5):
+        session.facts()
+        assert session.project is project
+    assert sum(path.suffix == ".ply" for path in hashed) == 1
+    new = root / "photos" / "new.png"
+    shutil.copy(root / "photos" / PHOTO, new)
+    try:
+        assert new.name in session.project.photo_names
+        session.facts()
+        assert sum(path.suffix == ".ply" for path in hashed) == 1
+    finally:
+        new.unlink()
+    session.close()
+
+
+def test_who_only_looks_writes_nothing(own):
+    """Pages, pictures, meshes, layers of the surface and of photos, rays and fits leave the folder
+    as it was, by names, sizes and times.
+    """
+    root, page = own
+    before = looks(root)
+    for path in ("project", "mesh/full", "mesh/light", "layers/ao", "layers/coverage",
+                 f"layers/angle?photo={PHOTO}", f"photos/{PHOTO}/image?size=1600",
+                 f"photos/{PHOTO}/picks"):  # fmt: skip
+        assert page.get(f"/api/{path}").status_code in (200, 204)
+    page.post("/api/hit", json={"origin": [0, 0, 5], "direction": [0, 0, -1]})
+    page.post(f"/api/photos/{PHOTO}/fit", json={"picks": picks_of(cameras()[0], 8)})
+
+    assert looks(root) == before
+
+
+def looks(root):
+    """Time and size of everything in a folder."""
+    return {p: (p.stat().st_mtime_ns, p.stat().st_size) for p in root.rglob("*")}
+
+
+def test_a_file_that_is_written_is_told_at_once(own):
+    """Picks written by another program, and a folder that was not there when the server began."""
+    root, page = own
+    with page.stream("GET", "/api/events") as news:
+        lines = news.iter_lines()
+        next(lines)
+        time.sleep(0.5)
+        (root / "correspondences" / "0000.csv").write_text("u,v,x,y,z\n")
+        told = next(line for line in lines if "changed" in line)
+        assert "correspondences/0000.csv" in told
+        (root / "out").mkdir()
+        time.sleep(0.5)
+        (root / "out" / "model.ply").write_text("x")
+        assert any("out/model.ply" in line for line in lines if "changed" in line)
+
+
+@pytest.mark.parametrize("back", [True, False])
+def test_a_ray_says_whether_it_meets_the_back(page, back):
+    """From inside of the plate its top is seen from behind."""
+    below, above = [1.93, 1.43, 0.05], [1.93, 1.43, 2.0]
+    origin, way = (below, 1) if back else (above, -1)
+    hit = page.post("/api/hit", json={"origin": origin, "direction": [0, 0, way]}).json()
+
+    assert hit["back"] is back
+
+
 def test_unknown_work_is_refused(page):
     """With the list of what there is."""
     answer = page.post("/api/jobs", json={"kind": "rm"})
@@ -461,6 +598,28 @@ def test_links_out_of_the_project_are_not_followed(own, tmp_path):
     assert page.get(f"/api/photos/{PHOTO}/picks").status_code == 403
     assert saved.status_code == 403
     assert secret.read_text() == "u,v,x,y,z\n"
+
+
+def test_no_line_of_a_linked_text_reaches_the_browser(own, tmp_path):
+    """Picks, cameras, settings and mesh that are links out of the project are not quoted."""
+    root, page = own
+    secret = tmp_path / "secret"
+    secret.write_text("root:x:0:0\nhush = 1\n")
+    (root / "correspondences" / "0000.csv").symlink_to(secret)
+    answers = [page.get("/api/project"), page.post("/api/jobs", json={"kind": "register"})]
+    assert answers[0].status_code == 200
+    assert answers[1].status_code == 422
+    for name in ("cameras.json", "project.toml"):
+        (root / name).unlink(missing_ok=True)
+        (root / name).symlink_to(secret)
+        answers.append(page.get("/api/project"))
+        (root / name).unlink()
+    (root / "mesh/blocks.ply").unlink()
+    (root / "mesh/blocks.obj").symlink_to(secret)
+    answers.append(page.get("/api/mesh/full"))
+
+    assert [a.status_code for a in answers[2:]] == [422] * 3
+    assert not [a.text for a in answers if "root:" in a.text or "hush" in a.text]
 
 
 def test_a_linked_photo_that_is_none_shows_nothing(own):

@@ -1,4 +1,4 @@
-"""Registration by picks: found, doubted, or refused with a sentence that says what to add."""
+"""Registration by picks: found, uncertain, or refused with a sentence that says what to add."""
 
 from dataclasses import replace
 

@@ -36,11 +36,11 @@ def errors_px(found, truth, mesh):
 
 
 @lru_cache(maxsize=1)
-def refined(stranger: bool):
+def refined(foreign: bool):
     """The round of seven photos refined from 2 px on average; the last maybe of another piece."""
     data = exposure_round()
     photos = list(data.photos)
-    if stranger:
+    if foreign:
         other = synthetic_pair(1, "capital", seed=3, long_side=720).photos[0]
         photos[-1] = other.resized(photos[-1].width, photos[-1].height)
     start = disturbed(data.cameras, 4.0, 7)
@@ -79,7 +79,7 @@ def test_the_expected_error_is_neither_boast_nor_excuse():
     assert 0.25 < ratio < 4
 
 
-def test_a_stranger_is_thrown_out_and_moves_no_other():
+def test_a_photo_of_something_else_is_thrown_out_and_moves_no_other():
     """A photo of another piece: named with a reason, the others end where they end without it."""
     data, _, without = refined(False)
     _, _, found = refined(True)

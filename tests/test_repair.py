@@ -4,6 +4,7 @@ import time
 
 import numpy as np
 import pytest
+import trimesh
 
 from texproj.errors import InputError
 from texproj.repair import first_equal_rows, repair
@@ -170,3 +171,13 @@ def test_a_million_faces_take_about_a_second():
     assert time.process_time() - start < 4
     assert source.repairs == {}
     assert len(source.mesh.faces) == len(faces)
+
+
+@pytest.mark.parametrize(("origin", "told"), [(0.0, False), (1e3, False), (5e5, True), (5e6, True)])
+def test_single_precision_that_is_too_coarse_is_told(origin, told):
+    """A sphere of edges of 0.08 at UTM coordinates; in double precision nothing is lost."""
+    sphere = trimesh.creation.icosphere(4)
+    xyz = sphere.vertices + np.array([origin, origin, 0])
+    notes = repair(xyz.astype(np.float32), sphere.faces).notes
+    assert any("single precision rounds" in note for note in notes) == told
+    assert repair(xyz, sphere.faces).notes == ()

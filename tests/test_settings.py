@@ -33,6 +33,12 @@ def test_an_unknown_key_in_a_table_names_the_table():
     [
         ('[render]\nrenderer = "vulkan"', "renderer = 'vulkan'"),
         ("photos = 3", "photos must be a path"),
+        (f'mesh = "{"m" * 300}"', "mesh = 'mmm.* is no path"),
+        ("largest_photo_mp = 0", "largest_photo_mp = 0: more than 0 and at most 1000"),
+        ("largest_photo_mp = 1e9", "at most 1000"),
+        ("largest_photo_mp = nan", "at most 1000"),
+        ("largest_photo_mp = true", "must be a number of million pixels"),
+        (f"[preview]\nport = {'9' * 400}", r"port = 9{57}\.\.\."),
         ("render = 3", "render must be a table"),
     ],
 )

@@ -35,6 +35,10 @@ class OutputError(TexprojError):
     """A result that could not be written; what was there before is intact."""
 
 
+MOST_NAMED = 40
+"""Known names that one sentence lists."""
+
+
 def excerpt(value: object, most: int = 60) -> str:
     """What a file holds, as a sentence can show it: on one line, printable, of bounded length."""
     text = value if isinstance(value, str) else repr(value)[: 4 * most]
@@ -47,5 +51,6 @@ def nearest_name(word: str, known: Iterable[str]) -> str:
     names = sorted(known)
     close = get_close_matches(word[:100], names, n=1, cutoff=0.5)
     if close:
-        return f" (did you mean {close[0]!r}?)"
-    return f" (known: {', '.join(names)})" if names else ""
+        return f" (did you mean {excerpt(close[0])!r}?)"
+    told = ", ".join(excerpt(name) for name in names[:MOST_NAMED])
+    return f" (known: {told}{', ...' if len(names) > MOST_NAMED else ''})" if names else ""

@@ -22,7 +22,7 @@ from texproj.files import (
     staging,
     write_atomically,
 )
-from texproj.formats.cameras import cameras_json, read_cameras
+from texproj.formats.cameras import CameraFile, cameras_json, read_cameras
 from texproj.formats.correspondences import correspondences_csv, read_correspondences
 from texproj.formats.meshes import MESH_SUFFIXES, read_mesh_file
 from texproj.formats.photos import PHOTO_SUFFIXES, read_photo, read_photo_info
@@ -65,7 +65,13 @@ class Project:
 
     def with_settings(self, settings: Settings) -> Project:
         """The same folder with other settings; nothing is written."""
-        return replace(self, settings=settings)
+        return replace(self, settings=settings).with_hashes_of(self)
+
+    def with_hashes_of(self, other: Project | None) -> Project:
+        """The same project, which need not read again what `other` has read; itself for None."""
+        if other is not None:
+            vars(self)["_hashes"] = other._hashes
+        return self
 
     # --- what a person puts in
 
@@ -201,21 +207,36 @@ class Project:
 
     def load_cameras(self) -> dict[str, CameraRecord]:
         """The entries of cameras.json by photo name; empty if there is no such file."""
-        if not self.cameras_path.exists():
-            return {}
-        return {record.file: record for record in read_cameras(self.cameras_path).records}
+        return {record.file: record for record in self._camera_file.records}
 
     def save_cameras(self, records: Iterable[CameraRecord]) -> None:
         """Write `records` over the entries of the same photos, keeping all others.
 
         Raises OutputError.
         """
-        path = self.cameras_path
-        old = read_cameras(path) if path.exists() else None
-        merged = {r.file: r for r in old.records} if old else {}
-        merged.update({record.file: record for record in records})
+        old = self._camera_file
+        merged = {record.file: record for record in (*old.records, *records)}
         ordered = [merged[name] for name in sorted(merged)]
-        write_atomically(path, cameras_json(ordered, old.extra if old else {}))
+        write_atomically(self.cameras_path, cameras_json(ordered, old.extra))
+
+    @property
+    def _camera_file(self) -> CameraFile:
+        """What cameras.json holds, parsed again only where another file stands there now."""
+        try:
+            stat = self.cameras_path.stat()
+        except (FileNotFoundError, NotADirectoryError):
+            return CameraFile([], {})
+        stamp = (stat.st_ino, stat.st_size, stat.st_mtime_ns)
+        if stamp not in self._parsed:
+            parsed = read_cameras(self.cameras_path)
+            self._parsed.clear()
+            self._parsed[stamp] = parsed
+        return self._parsed[stamp]
+
+    @cached_property
+    def _parsed(self) -> dict[tuple[int, int, int], CameraFile]:
+        """The last cameras.json that was read, by what tells it from others."""
+        return {}
 
     def save_registration(
         self, records: Iterable[CameraRecord], stage: str, made: Mapping[str | None, Any]
@@ -243,6 +264,10 @@ class Project:
     @property
     def work(self) -> Path:
         return self.root / "work"
+
+    @property
+    def log_folder(self) -> Path:
+        return self.work / "log"
 
     @property
     def out(self) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
@@ -13,7 +14,7 @@ from texproj.cli.exits import DONE
 from texproj.cli.flags import flags_for
 from texproj.cli.inspecting import factors
 from texproj.cli.runner import run_stage, tell
-from texproj.cli.shared import Folder, Json, Verbose, matching, open_project
+from texproj.cli.shared import Folder, Json, Verbose, matching, open_project, project_at_work
 from texproj.creation import create_project
 from texproj.errors import UsageError
 from texproj.settings import SECTIONS
@@ -91,11 +92,11 @@ def register(
     from texproj.stages.outcomes import RegisterOutcome  # noqa: PLC0415
     from texproj.stages.registering import register_photos  # noqa: PLC0415
 
-    project = open_project(folder, flags, verbose)
-    names = matching(project, photos)
-    return run_stage(
-        project, json, lambda bench, tell: RegisterOutcome(register_photos(bench, names, tell))
-    )
+    with project_at_work(folder, flags, verbose, "register") as project:
+        names = matching(project, photos)
+        return run_stage(
+            project, json, lambda bench, tell: RegisterOutcome(register_photos(bench, names, tell))
+        )
 
 
 @app.command
@@ -113,7 +114,8 @@ def color(
     """
     from texproj.stages.coloring import color_project  # noqa: PLC0415
 
-    return run_stage(open_project(folder, flags, verbose), json, color_project)
+    with project_at_work(folder, flags, verbose, "color") as project:
+        return run_stage(project, json, color_project)
 
 
 @app.command
@@ -131,7 +133,8 @@ def refine(
     """
     from texproj.stages.refining import refine_project  # noqa: PLC0415
 
-    return run_stage(open_project(folder, flags, verbose), json, refine_project)
+    with project_at_work(folder, flags, verbose, "refine") as project:
+        return run_stage(project, json, refine_project)
 
 
 @app.command
@@ -149,7 +152,8 @@ def run(
     """
     from texproj.stages.running import run_project  # noqa: PLC0415
 
-    return run_stage(open_project(folder, flags, verbose), json, run_project)
+    with project_at_work(folder, flags, verbose, "run") as project:
+        return run_stage(project, json, run_project)
 
 
 @app.command
@@ -160,7 +164,8 @@ def status(folder: Folder, /, *, json: Json = False, verbose: Verbose = False) -
     """
     from texproj.stages.running import StatusOutcome, project_status  # noqa: PLC0415
 
-    return tell(StatusOutcome(project_status(open_project(folder, None, verbose))), json)
+    project = open_project(folder, None, verbose)
+    return tell(project, StatusOutcome(project_status(project)), json)
 
 
 @app.command
@@ -178,7 +183,8 @@ def report(
     """
     from texproj.stages.reporting import report_project  # noqa: PLC0415
 
-    return run_stage(open_project(folder, flags, verbose), json, report_project)
+    with project_at_work(folder, flags, verbose, "report") as project:
+        return run_stage(project, json, report_project)
 
 
 @app.command
@@ -228,7 +234,14 @@ def demo(
 
 
 @app.command
-def doctor(*, json: Json = False) -> int:
+def doctor(
+    *,
+    bundle: Annotated[
+        Path | None,
+        Parameter(help="A project: also write DIR-report.zip, all that a report of a fault needs."),
+    ] = None,
+    json: Json = False,
+) -> int:
     """Tell what this machine offers, what is missing and how to get it.
 
     Example: texproj doctor
@@ -236,6 +249,8 @@ def doctor(*, json: Json = False) -> int:
     from texproj.doctor import examine  # noqa: PLC0415
 
     findings = examine()
+    if bundle is not None:
+        return _bundle(bundle, findings, json)
     if json:
         talk.say_json({"findings": [vars(finding) for finding in findings]})
         return DONE
@@ -244,4 +259,16 @@ def doctor(*, json: Json = False) -> int:
         talk.say(f"{mark} {finding.name:12} {finding.detail}")
         if finding.remedy:
             talk.say(f"        {'':12} -> {finding.remedy}")
+    return DONE
+
+
+def _bundle(project: Path, findings: Sequence[Any], json: bool) -> int:
+    from texproj.bundle import write_bundle  # noqa: PLC0415
+
+    target = Path(f"{project.resolve().name}-report.zip")
+    names = write_bundle(project, findings, target)
+    if json:
+        talk.say_json({"file": str(target), "holds": names})
+    else:
+        talk.say(f"wrote {target}: {len(names)} files, no photo, no mask, no mesh; look into it")
     return DONE

@@ -11,7 +11,14 @@ from cyclopts import Parameter
 from texproj.cli import talk
 from texproj.cli.exits import DONE
 from texproj.cli.flags import flags_for
-from texproj.cli.shared import Folder, Json, Verbose, exit_code, open_project
+from texproj.cli.shared import (
+    Folder,
+    Json,
+    Verbose,
+    exit_code,
+    open_project,
+    project_at_work,
+)
 
 SHOWN = 6
 """How many names a line lists."""
@@ -43,8 +50,10 @@ def import_(
     from texproj.stages.bench import Workbench  # noqa: PLC0415
     from texproj.stages.exchanging import import_cameras  # noqa: PLC0415
 
-    project = open_project(folder, flags, verbose)
-    with Workbench(project) as bench:
+    with (
+        project_at_work(folder, flags, verbose, "import") as project,
+        Workbench(project) as bench,
+    ):
         outcome = import_cameras(bench, file, as_, format)
     if json:
         talk.say_json(vars(outcome))

@@ -1,4 +1,4 @@
-"""How the program ends."""
+"""How the program ends; where it is stopped on request, see `texproj.cli.STOPPED`."""
 
-DONE, SOME_FAILED, UNUSABLE, INTERRUPTED = 0, 1, 2, 130
-"""Exit codes: all done; some photos failed; wrong usage or unusable input; stopped by Ctrl-C."""
+DONE, SOME_FAILED, UNUSABLE = 0, 1, 2
+"""Exit codes: all done; some photos failed; wrong usage or unusable input."""

@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from texproj.cli.flags import flags_for
 from texproj.cli.runner import run_stage
-from texproj.cli.shared import Folder, Json, Verbose, matching, open_project
+from texproj.cli.shared import Folder, Json, Verbose, matching, project_at_work
 from texproj.errors import UsageError
 
 if TYPE_CHECKING:
@@ -33,8 +33,10 @@ def factors(
     """
     from texproj.stages.inspecting import inspect_project  # noqa: PLC0415
 
-    project = open_project(folder, flags, verbose)
     if not 16 <= size <= 8192:
         raise UsageError(f"--size {size} is not between 16 and 8192 pixels")
-    names = matching(project, photos)
-    return run_stage(project, json, lambda bench, tell: inspect_project(bench, names, size, tell))
+    with project_at_work(folder, flags, verbose, "factors") as project:
+        names = matching(project, photos)
+        return run_stage(
+            project, json, lambda bench, tell: inspect_project(bench, names, size, tell)
+        )

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterable
 from typing import Any, Protocol
 
 from texproj.cli import talk
 from texproj.cli.exits import DONE, SOME_FAILED, UNUSABLE
+from texproj.cli.shared import tell_notes
 from texproj.project import Project
 from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress
+
+LOG = logging.getLogger("texproj")
 
 
 class Outcome(Protocol):
@@ -32,13 +36,16 @@ def run_stage(project: Project, json: bool, stage: Callable[[Any, Progress], Out
 
     with Workbench(project) as bench, talk.progress_bars() as progress:
         outcome = stage(bench, progress)
-    return tell(outcome, json)
+    for line in outcome.lines():
+        LOG.info("%s", line)
+    return tell(project, outcome, json)
 
 
-def tell(outcome: Outcome, json: bool) -> int:
+def tell(project: Project, outcome: Outcome, json: bool) -> int:
     """Say what came of a command; returns the exit code."""
+    notes = tell_notes(project)
     if json:
-        talk.say_json(outcome.as_dict())
+        talk.say_json(outcome.as_dict() | {"notes": notes})
     else:
         for line in outcome.lines():
             talk.say(line)

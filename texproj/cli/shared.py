@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from texproj.at_work import at_work
 from texproj.cli import talk
 from texproj.cli.exits import DONE, SOME_FAILED
 from texproj.cli.flags import apply_flags
-from texproj.errors import UsageError
+from texproj.errors import TexprojError, UsageError
+from texproj.log import logged
 from texproj.project import Project
+from texproj.stages.progress import Cancelled
+
+LOG = logging.getLogger("texproj")
 
 Folder = Annotated[Path, Parameter(name="DIR", help="The project folder.", show_default=False)]
 Json = Annotated[bool, Parameter(name="--json", negative="", help="Print the outcome as JSON.")]
@@ -22,12 +30,38 @@ Verbose = Annotated[
 
 
 def open_project(folder: Path, flags: Any, verbose: bool) -> Project:
-    """The project in `folder` with the flags that were given over its settings."""
+    """The project in `folder` with the given flags over its settings; nothing is written."""
     talk.talk_about_details(verbose)
     project = Project.open(folder)
-    project = project.with_settings(apply_flags(project.settings, flags))
-    project.remove_unfinished()
-    return project
+    return project.with_settings(apply_flags(project.settings, flags))
+
+
+@contextmanager
+def project_at_work(folder: Path, flags: Any, verbose: bool, command: str) -> Iterator[Project]:
+    """The same for a command that writes: alone on the project, and with its log."""
+    project = open_project(folder, flags, verbose)
+    with at_work(project.work, command, talk.complain), logged(project.log_folder, command):
+        try:
+            project.remove_unfinished()
+            yield project
+        except TexprojError as error:
+            LOG.warning("refused: %s", error)
+            raise
+        except (KeyboardInterrupt, Cancelled):
+            LOG.warning("stopped on request")
+            raise
+        except Exception:
+            LOG.exception("internal fault")
+            raise
+
+
+def tell_notes(project: Project) -> list[str]:
+    """Say what a person put into the project and nothing uses; returns the sentences."""
+    notes = list(project.notes)
+    for note in notes:
+        talk.complain(note)
+        LOG.warning("%s", note)
+    return notes
 
 
 def matching(project: Project, pattern: str) -> list[str]:

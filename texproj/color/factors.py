@@ -16,7 +16,7 @@ from texproj.arrays import Floats
 from texproj.camera import Camera
 from texproj.color.balance.corrections import corrected, gains_of, grids_of
 from texproj.color.balance.focus import solve_photos
-from texproj.color.balance.shared_points import Surveyor
+from texproj.color.balance.shared_points import PointObserver
 from texproj.color.blending.combine import blend
 from texproj.color.blending.highlights import highlight_factor
 from texproj.color.points.source import Chunk, PointSource
@@ -73,18 +73,18 @@ def photo_factors(
                 found[number] = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
             yield view
 
-    surveyor = Surveyor(job.points, count, job.options.focus_power > 0)
+    observer = PointObserver(job.points, count, job.options.focus_power > 0)
     tell = counting(progress, count)
-    projected = project_views(job.points, views(), surveyor, job.options, job.scratch, tell)
-    spill = projected.samples
-    light, focus = solve_photos(surveyor.survey(), job.options)
+    projected = project_views(job.points, views(), observer, job.options, job.scratch, tell)
+    store = projected.samples
+    light, focus = solve_photos(observer.shared(), job.options)
     gains, grids = gains_of(light.corrections), grids_of(photos.cameras, light.corrections)
     for number, factors in found.items():
         parts = []
         for k in wanted[number]:
             chunk = job.points.chunk(k)
-            for rows in spill.pieces(k):
-                stack = corrected(spill.read(k, rows), job.points, k, grids, rows)
+            for rows in store.pieces(k):
+                stack = corrected(store.read(k, rows), job.points, k, grids, rows)
                 trust = picture_at(
                     focus[number].trust, photos.cameras[number], job.points, chunk.part(rows)
                 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from texproj.color.alignment.shift import (
 from texproj.color.balance.corrections import gains_of, grids_of
 from texproj.color.balance.focus import solve_photos
 from texproj.color.balance.photometry import Photometry
-from texproj.color.balance.shared_points import Surveyor
+from texproj.color.balance.shared_points import PointObserver
 from texproj.color.blending.combine import blend_chunk
 from texproj.color.checker.apply import absolute_matrix, in_absolute
 from texproj.color.checker.fit import Checker
@@ -35,7 +36,7 @@ from texproj.color.result import Texture
 from texproj.color.sampling.gather import Progress, counting, project_views
 from texproj.color.sampling.photo_set import PhotoSet, Unusable, reasons
 from texproj.color.sampling.resolution import texels_per_unit
-from texproj.color.sampling.store import Spill
+from texproj.color.sampling.store import SampleStore
 from texproj.mesh import Mesh
 from texproj.options import ColorOptions, UnwrapOptions
 from texproj.photo import srgb_from_linear
@@ -80,13 +81,13 @@ def color_texture(
         atlas = unwrap(mesh, density, unwrap_options, regions.result())
         points = TexelPoints.of(mesh, atlas, scratch)
         trim()
-        surveyor = Surveyor(points, len(photos), options.focus_power > 0)
+        observer = PointObserver(points, len(photos), options.focus_power > 0)
         tell = counting(progress, len(photos))
-        projected = project_views(points, views, surveyor, options, scratch, tell)
-        survey = surveyor.survey()
+        projected = project_views(points, views, observer, options, scratch, tell)
+        shared = observer.shared()
         trim()
-        light, focus = solve_photos(survey, options)
-        absolute, charted = absolute_matrix(checker, names, survey, light)
+        light, focus = solve_photos(shared, options)
+        absolute, charted = absolute_matrix(checker, names, shared, light)
         samples, cameras = projected.samples, photos.cameras
         pages, counts, share = bake(points, atlas, samples, cameras, light, absolute, options)
         fill_unseen(mesh, atlas, points, pages, counts)
@@ -95,7 +96,7 @@ def color_texture(
     failed = reasons(failures(found), projected.failed)
     quality = coverage(counts, sum(points.sizes)) | charted | per_alignment(names, found)
     quality |= {"photos": per_photo(names, light, focus, share, failed)}
-    quality |= {"lenses": per_lens(names, light)}
+    quality |= {"lenses": per_lens(names, light), "atlas": asdict(atlas.stats)}
     return Texture(atlas, tuple(pages), tuple(counts), quality, failed)
 
 
@@ -112,7 +113,7 @@ def found_alignments(
 def bake(
     points: TexelPoints,
     atlas: Atlas,
-    spill: Spill,
+    store: SampleStore,
     cameras: Sequence[Camera],
     light: Photometry,
     absolute: Floats | None,
@@ -128,7 +129,7 @@ def bake(
     shares = np.zeros((len(points.tiles), len(gains)))
 
     def one(number: int) -> None:
-        result = blend_chunk(spill, points, number, gains, grids, options)
+        result = blend_chunk(store, points, number, gains, grids, options)
         page = points.tiles[number].page
         points.place(number, pages[page], encoded(in_absolute(result.rgb, absolute), options.bits))
         points.place(number, counts[page], np.minimum(result.photo_count, 255).astype(np.uint8))

@@ -9,7 +9,7 @@ import numpy as np
 from texproj.color.alignment.shift import displaced, failures, per_alignment
 from texproj.color.balance.corrections import gains_of, grids_of
 from texproj.color.balance.focus import solve_photos
-from texproj.color.balance.shared_points import Surveyor
+from texproj.color.balance.shared_points import PointObserver
 from texproj.color.blending.combine import blend_chunk
 from texproj.color.checker.apply import absolute_matrix, in_absolute
 from texproj.color.checker.fit import Checker
@@ -52,13 +52,13 @@ def color_vertices(
             photos = photos.rendered(scene, scratch)
         renderer.rest()
         views = displaced(photos.views(options), found)
-        surveyor = Surveyor(points, len(photos), options.focus_power > 0)
+        observer = PointObserver(points, len(photos), options.focus_power > 0)
         tell = counting(progress, len(photos))
-        projected = project_views(points, views, surveyor, options, scratch, tell)
-        survey = surveyor.survey()
-        light, focus = solve_photos(survey, options)
+        projected = project_views(points, views, observer, options, scratch, tell)
+        shared = observer.shared()
+        light, focus = solve_photos(shared, options)
         gains, grids = gains_of(light.corrections), grids_of(photos.cameras, light.corrections)
-        absolute, charted = absolute_matrix(checker, names, survey, light)
+        absolute, charted = absolute_matrix(checker, names, shared, light)
         for chunk in range(len(points.sizes)):
             part = points.rows(chunk)
             result = blend_chunk(projected.samples, points, chunk, gains, grids, options)

@@ -24,7 +24,7 @@ class Broken(Exception):  # noqa: N818 - every caller makes a sentence of it
 
 @contextlib.contextmanager
 def foreign_parser() -> Iterator[None]:
-    """A block that does nothing but call a parser of another package; what it throws is `Broken`.
+    """A block that reads by a parser of another package; what that throws is `Broken`.
 
     Pillow, tifffile, trimesh, plyfile and OpenCV document none of the exceptions of ten kinds
     that they throw on spoiled files, so all are caught, here and nowhere else, and logged with

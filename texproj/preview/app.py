@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 from collections.abc import AsyncIterator
 from importlib.resources import files
-from json import JSONDecodeError
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +17,15 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
+from watchfiles import awatch
 
 from texproj.errors import InputError, TexprojError, UsageError
 from texproj.preview import work
 from texproj.preview.colors import texture_colors, vertex_colors
+from texproj.preview.door import inside
 from texproj.preview.geometry import pack
-from texproj.preview.photos import SIZES, jpeg_of
+from texproj.preview.jobs import TooManyJobs
+from texproj.preview.photos import SIZES
 from texproj.preview.picking import (
     MATCH_LONGEST,
     fit_picks,
@@ -32,8 +35,10 @@ from texproj.preview.picking import (
 )
 from texproj.preview.picks import VersionConflict, load_picks, numbers, parse_picks, save_picks
 from texproj.preview.security import BodyTooLong, refuse
-from texproj.preview.session import MODEL_FILES, Session, changed, stamp, stamps
+from texproj.preview.session import MODEL_FILES, Session, shown, stamp
+from texproj.stages.attending import INTERNAL
 
+LOG = logging.getLogger("texproj.preview")
 BINARY = "application/octet-stream"
 BUNDLE = {
     "app.js": "text/javascript; charset=utf-8",
@@ -41,7 +46,8 @@ BUNDLE = {
     "index.html": "text/html; charset=utf-8",
     "icon.svg": "image/svg+xml",
 }
-WATCH_INTERVAL_S = 0.7
+NEWS_PAUSE_MS = 200
+"""Changes of files are told together for so long: a stage writes several at once."""
 
 
 def bundle_folder() -> Path:
@@ -69,8 +75,11 @@ def create_app(session: Session) -> Starlette:
         TexprojError: on_texproj_error,
         BodyTooLong: on_long_body,
         HTTPException: on_http_error,
+        Exception: on_fault,
     }
-    return Starlette(routes=handlers.routes(), lifespan=lifespan, exception_handlers=errors)
+    app = Starlette(routes=handlers.routes(), lifespan=lifespan, exception_handlers=errors)
+    app.state.session = session
+    return app
 
 
 class Handlers:
@@ -132,11 +141,13 @@ class Handlers:
         return Response(data or b"", 200 if data else 204, media_type=BINARY)
 
     def colors(self, _: Request) -> Response:
+        inside(self.session.project.out / "model.ply", self.session.root)
         rgba = vertex_colors(self.session.project, self.session.surface)
         return Response(pack({"rgba": rgba}), media_type=BINARY)
 
     def light_colors(self, _: Request) -> Response:
         project, surface = self.session.project, self.session.surface
+        inside(project.out / "model.glb", self.session.root)
         key = ["light colors", surface.key, stamp(project.out / "model.glb")]
         rgba = self.session.kept(key, lambda: texture_colors(project, surface))
         return Response(pack({"rgba": rgba}), media_type=BINARY)
@@ -177,7 +188,8 @@ class Handlers:
         size = request.query_params.get("size", str(SIZES[0]))
         if name not in project.photo_paths or size not in map(str, SIZES):
             raise HTTPException(404, "no such picture")
-        return Response(jpeg_of(project, name, int(size)), media_type="image/jpeg")
+        data = self.session.pictures.jpeg(project, name, int(size))
+        return Response(data, media_type="image/jpeg")
 
     def picks(self, request: Request) -> Response:
         project, name = self.photo_of(request)
@@ -230,12 +242,6 @@ class Handlers:
         return project, name
 
 
-def inside(path: Path, root: Path) -> None:
-    """Refuse a path that leaves the project, by whatever links."""
-    if not path.resolve().is_relative_to(root.resolve()):
-        raise HTTPException(403, "this file lies outside of the project folder")
-
-
 async def body(request: Request) -> dict[str, Any]:
     """The JSON object that a request carries; only that type is read, which other web sites
     cannot send without asking first."""
@@ -243,28 +249,42 @@ async def body(request: Request) -> dict[str, Any]:
         raise HTTPException(415, "send application/json")
     try:
         data = await request.json()
-    except (JSONDecodeError, UnicodeDecodeError, RecursionError):
+    except (ValueError, RecursionError):  # no JSON, no text, an integer of thousands of digits
         raise HTTPException(400, "not JSON") from None
     if not isinstance(data, dict):
         raise HTTPException(400, "expected a JSON object")
     return data
 
 
-async def watch(session: Session) -> None:
+async def watch(session: Session, force_polling: bool | None = None) -> None:
     """Tell the pages what changed in the folder, whoever did it."""
-    before = await run_in_threadpool(stamps, session.root)
-    while True:
-        await asyncio.sleep(WATCH_INTERVAL_S)
-        after = await run_in_threadpool(stamps, session.root)
-        paths = changed(before, after)
-        before = after
-        if paths:
-            session.hub.send("files", {"changed": sorted(paths)[:200]})
+    root = session.root.resolve()
+    folders = {root, (root / session.project.settings.photos).resolve()}
+    news = awatch(
+        *(folder for folder in folders if folder.is_dir()),
+        watch_filter=lambda _, path: shown(path, root) is not None,
+        debounce=NEWS_PAUSE_MS, step=NEWS_PAUSE_MS // 4, force_polling=force_polling,
+    )  # fmt: skip
+    try:
+        async for changes in news:
+            paths = sorted({shown(path, root) or "" for _, path in changes})
+            session.hub.send("files", {"changed": paths[:200]})
+    except OSError as error:  # the system watches no more folders
+        LOG.warning("looking for changes of files every now and then: %s", error)
+        await watch(session, force_polling=True)
 
 
 def on_texproj_error(_: Request, error: Exception) -> Response:
     """What a person can mend, in the sentence that the command line would print."""
+    if isinstance(error, TooManyJobs):
+        return refuse(429, str(error))
     return refuse(400 if isinstance(error, UsageError) else 422, str(error))
+
+
+def on_fault(request: Request, error: Exception) -> Response:
+    """What nobody foresaw: told to the page, with its traceback in the log."""
+    request.app.state.session.log_fault(f"{request.method} {request.url.path}", error)
+    return refuse(500, INTERNAL)
 
 
 def on_long_body(_: Request, __: Exception) -> Response:

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from texproj.errors import InputError
+from texproj.formats.foreign import Broken, foreign_parser
 from texproj.photo import srgb_from_linear
 from texproj.preview.surface import Surface
 from texproj.project import Project
+
+T = TypeVar("T")
 
 
 def vertex_colors(project: Project, surface: Surface) -> NDArray[np.uint8]:
@@ -21,8 +28,7 @@ def vertex_colors(project: Project, surface: Surface) -> NDArray[np.uint8]:
     path = project.out / "model.ply"
     if not path.is_file():
         raise InputError(f"no {path}; color the vertices first")
-    loaded = trimesh.load(path, process=False)
-    rgba = np.asarray(loaded.visual.vertex_colors, np.uint8)
+    rgba = _read(path, lambda: _ply_colors(path))
     source = surface.source
     if len(rgba) != len(source.source_vertices):
         raise InputError(f"{path} was made from another mesh; color it again")
@@ -39,12 +45,29 @@ def texture_colors(project: Project, surface: Surface) -> NDArray[np.uint8]:
     path = project.out / "model.glb"
     if surface.light is None or not path.is_file():
         raise InputError(f"no {path}, or a mesh too small to be simplified")
-    scene = trimesh.load_scene(path, process=False)
-    parts = [_part_colors(scene, node) for node in scene.graph.nodes_geometry]
-    vertices = np.concatenate([xyz for xyz, _ in parts])
-    colors = np.concatenate([rgba for _, rgba in parts])
+    vertices, colors = _read(path, lambda: _scene_colors(path))
     nearest = cKDTree(vertices).query(surface.light.mesh.vertices)[1]
     return np.ascontiguousarray(colors[nearest])
+
+
+def _read(path: Path, read: Callable[[], T]) -> T:
+    """What `read` reads of a model. Raises InputError for a file that is cut or broken."""
+    try:
+        with foreign_parser():
+            return read()
+    except Broken as error:
+        raise InputError(f"{path} is broken ({error}); color the model again") from None
+
+
+def _ply_colors(path: Path) -> NDArray[np.uint8]:
+    return np.asarray(trimesh.load(path, process=False).visual.vertex_colors, np.uint8)
+
+
+def _scene_colors(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    """Vertices of all parts of a glb in the world, and the color at each."""
+    scene = trimesh.load_scene(path, process=False)
+    parts = [_part_colors(scene, node) for node in scene.graph.nodes_geometry]
+    return np.concatenate([xyz for xyz, _ in parts]), np.concatenate([rgba for _, rgba in parts])
 
 
 def _part_colors(scene: trimesh.Scene, node: str) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import logging
 import threading
 import time
 from collections.abc import Callable
@@ -13,12 +12,17 @@ from typing import Any, Literal
 
 from texproj.errors import TexprojError
 from texproj.preview.events import Hub
+from texproj.stages.attending import INTERNAL
 from texproj.stages.progress import Cancelled, Progress
 
 Work = Callable[[Progress], Any]
 State = Literal["waiting", "running", "done", "failed", "cancelled"]
 
-LOG = logging.getLogger(__name__)
+MOST_JOBS = 16
+"""Jobs that may wait at a time; a person has no more in mind."""
+
+ETA_FROM_S = 3.0
+"""A stage must have worked this long before the time that it still takes is estimated."""
 
 NEWS_INTERVAL_S = 0.1
 """Progress is sent at most this often."""
@@ -26,20 +30,50 @@ NEWS_INTERVAL_S = 0.1
 
 @dataclass(frozen=True)
 class Job:
-    """One piece of work as the page sees it. title: for people; kind, subject: for the page."""
+    """One piece of work as the page sees it.
+
+    title: for people; kind, subject: for the page; stage, done, total, item: how far it is;
+    left_s: seconds until the stage is done, None where nothing tells; started: seconds since 1970.
+    """
 
     id: int
     kind: str
     title: str
     subject: str = ""
     state: State = "waiting"
+    stage: str = ""
     done: int = 0
     total: int = 0
     item: str = ""
+    left_s: float | None = None
+    started: float = 0.0
     message: str = ""
 
     def as_dict(self) -> dict[str, Any]:
         return asdict(self)
+
+
+class Clock:
+    """Estimates how long a stage still takes from how long it took so far."""
+
+    def __init__(self) -> None:
+        self.now = time.monotonic()
+        self._stage = ""
+        self._begun = (self.now, 0)
+
+    def left_s(self, stage: str, done: int, total: int) -> float | None:
+        """Seconds, if the rest goes as fast as what is done since the stage began; else None."""
+        self.now = time.monotonic()
+        if stage != self._stage or done < self._begun[1]:
+            self._stage, self._begun = stage, (self.now, done)
+        took, steps = self.now - self._begun[0], done - self._begun[1]
+        if took < ETA_FROM_S or steps <= 0 or done > total:
+            return None
+        return round(took / steps * (total - done), 1)
+
+
+class TooManyJobs(TexprojError):  # noqa: N818 - said as what happened
+    """More work is asked for than may wait."""
 
 
 class Jobs:
@@ -51,6 +85,7 @@ class Jobs:
         self._numbers = itertools.count(1)
         self._stop: dict[int, threading.Event] = {}
         self._jobs: dict[int, Job] = {}
+        self._futures: dict[int, Future[Any]] = {}
         self._lock = threading.Lock()
 
     @property
@@ -62,13 +97,31 @@ class Jobs:
     def start(
         self, kind: str, title: str, work: Work, subject: str = ""
     ) -> tuple[Job, Future[Any]]:
-        """Queue `work`; the same kind and subject is not queued twice at a time."""
-        job = Job(next(self._numbers), kind, title, subject)
+        """Queue `work`, or give back the job of the same kind and subject that waits or runs; a
+        sentence that `work` returns is told on the page.
+
+        Raises TooManyJobs.
+        """
         with self._lock:
+            known = self._same(kind, subject)
+            if known is not None:
+                return self._jobs[known], self._futures[known]
+            if len(self._stop) >= MOST_JOBS:
+                raise TooManyJobs(f"{MOST_JOBS} jobs wait already; stop some, or wait for them")
+            job = Job(next(self._numbers), kind, title, subject)
             self._stop[job.id] = threading.Event()
             self._jobs[job.id] = job
+            self._futures[job.id] = future = self._pool.submit(self._run, job, work)
         self._tell(job)
-        return job, self._pool.submit(self._run, job, work)
+        return job, future
+
+    def _same(self, kind: str, subject: str) -> int | None:
+        """The number of a job of that kind and subject that nobody has stopped."""
+        for number, stop in self._stop.items():
+            job = self._jobs[number]
+            if (job.kind, job.subject) == (kind, subject) and not stop.is_set():
+                return number
+        return None
 
     def cancel(self, number: int) -> bool:
         """Ask a job to stop; False if there is no such job any more."""
@@ -95,25 +148,27 @@ class Jobs:
             self._end(job, "failed", str(error))
             raise
         except BaseException:
-            LOG.exception("%s failed", job.title)
-            self._end(job, "failed", "An unexpected error; the terminal shows it.")
+            self._end(job, "failed", INTERNAL)
             raise
-        self._end(job, "done", "")
+        self._end(job, "done", result if isinstance(result, str) else "")
         return result
 
     def _listener(self, job: Job) -> Progress:
+        """Tells the pages how far the job is, and ends it once somebody asked for that."""
         stop = self._stop[job.id]
-        last = 0.0
+        clock = Clock()
+        begun = replace(job, state="running", started=time.time())
+        last = -NEWS_INTERVAL_S
 
         def progress(stage: str, done: int, total: int, item: str) -> None:
             nonlocal last
             if stop.is_set():
                 raise Cancelled
-            now = time.monotonic()
-            if now - last > NEWS_INTERVAL_S or done >= total:
-                last = now
-                told = f"{stage} {item}".strip()
-                self._tell(replace(job, state="running", done=done, total=total, item=told))
+            left_s = clock.left_s(stage, done, total)
+            if clock.now - last > NEWS_INTERVAL_S or done >= total:
+                last = clock.now
+                far = replace(begun, stage=stage, done=done, total=total, item=item)
+                self._tell(replace(far, left_s=left_s))
 
         progress("", 0, 0, "")
         return progress
@@ -122,6 +177,7 @@ class Jobs:
         with self._lock:
             self._stop.pop(job.id, None)
             self._jobs.pop(job.id, None)
+            self._futures.pop(job.id, None)
         self._hub.send("job", replace(job, state=state, message=message).as_dict())
 
     def _tell(self, job: Job) -> None:

@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
+import threading
 from typing import Any
 
 import numpy as np
 
 from texproj.camera import Camera
 from texproj.errors import TexprojError
-from texproj.files import json_hash, write_atomically
 from texproj.formats.jpeg import jpeg_bytes
 from texproj.photo import Photo
+from texproj.preview.door import OUTSIDE, leaves
 from texproj.project import Project
 from texproj.records import CameraRecord
 
 JPEG_QUALITY = 92
+MOST_KEPT_BYTES = 256 << 20
+"""Pictures kept in memory: the small ones of thousands of photos, the large ones of some 30."""
+
 SIZES = (240, 1600, 8192)
 """Longer sides in pixels that pictures are made in: list, overview, picking."""
 
 WEAK_PX = 2.0
 """Expected error in full-size pixels above which a registration is shown with a warning."""
 
-MIN_PICKS = 4
+MIN_PICKS = 8
+"""What registers a photo of an unknown lens; 4 are enough only where the lens is known."""
 
 
 def photo_facts(project: Project, name: str, record: CameraRecord | None) -> dict[str, Any]:
@@ -32,6 +37,8 @@ def photo_facts(project: Project, name: str, record: CameraRecord | None) -> dic
         facts |= {"width": info.width, "height": info.height, "notes": list(info.notes)}
     except TexprojError as error:
         return facts | {"status": "broken", "reason": str(error), "advice": BROKEN_ADVICE}
+    if leaves(project.correspondences_path(name), project.root):
+        return facts | {"status": "failed", "picks_error": f"Its picks are not read: {OUTSIDE}"}
     try:
         picks = project.load_correspondences(name)
         facts["picks"] = len(picks) if picks is not None else 0
@@ -62,7 +69,7 @@ def record_facts(record: CameraRecord, picks: int) -> dict[str, Any]:
         facts["advice"] = start_advice(picks)
     elif record.status == "prior":
         facts["reason"] = facts["reason"] or "an approximate camera, not registered yet"
-        facts["advice"] = "Register it, or pick 4 points."
+        facts["advice"] = f"Make the model, or pick {MIN_PICKS} points."
     return facts
 
 
@@ -93,15 +100,34 @@ def start_advice(picks: int) -> str:
 BROKEN_ADVICE = "Replace the file with an intact one, or take it out of the photo folder."
 
 
-def jpeg_of(project: Project, name: str, size: int) -> bytes:
-    """A photo as sRGB JPEG, longer side at most `size`, kept in work/. Raises TexprojError."""
-    source = project.hash_of(project.photo_path(name))
-    path = project.work / "preview" / f"{json_hash([name, size, source, JPEG_QUALITY])}.jpg"
-    if path.is_file() and not path.is_symlink():
-        return path.read_bytes()
-    data = encode_jpeg(project.load_photo(name, size))
-    write_atomically(path, data)
-    return data
+class Pictures:
+    """Photos as JPEG, the latest of them kept in memory: who only looks writes nothing to disk."""
+
+    def __init__(self) -> None:
+        self._kept: dict[tuple[str, int, str], bytes] = {}
+        self._bytes = 0
+        self._lock = threading.Lock()
+
+    def jpeg(self, project: Project, name: str, size: int) -> bytes:
+        """A photo in sRGB, longer side at most `size`. Raises TexprojError."""
+        stat = project.photo_path(name).stat()
+        key = (name, size, f"{stat.st_mtime_ns}-{stat.st_size}")
+        with self._lock:
+            known = self._kept.pop(key, None)
+            if known is not None:
+                self._kept[key] = known
+                return known
+        data = encode_jpeg(project.load_photo(name, size))
+        with self._lock:
+            self._keep(key, data)
+        return data
+
+    def _keep(self, key: tuple[str, int, str], data: bytes) -> None:
+        if key not in self._kept:
+            self._bytes += len(data)
+        self._kept[key] = data
+        while self._bytes > MOST_KEPT_BYTES:
+            self._bytes -= len(self._kept.pop(next(iter(self._kept))))
 
 
 def encode_jpeg(photo: Photo) -> bytes:

@@ -11,11 +11,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.camera import Camera, Intrinsics, Pose
+from texproj.camera import Camera
 from texproj.errors import UsageError
+from texproj.formats.camera_bounds import checked_intrinsics, checked_pose
 from texproj.photo import Correspondences, Photo
 from texproj.preview.photos import camera_facts
-from texproj.preview.picks import numbers
 from texproj.preview.surface import Hit, Surface
 from texproj.project import Project
 from texproj.register.picks.register import register_points
@@ -101,10 +101,12 @@ def predict_on_photo(
 
 
 def _seen(surface: Surface, camera: Camera, xy_px: NDArray[np.float64]) -> Hit | None:
+    """The front of the surface at a pixel, None where there is none or a back hides it."""
     origins, directions = camera.rays(xy_px[None])
     if not np.isfinite(directions).all():
         return None
-    return surface.hit(origins[0], directions[0])
+    hit = surface.hit(origins[0], directions[0])
+    return None if hit is None or hit.back else hit
 
 
 def _moved(
@@ -155,23 +157,18 @@ def _model_field(
 
 
 def parse_camera(data: Any) -> Camera:
-    """A camera as the page sends it back. Raises UsageError for anything else."""
+    """A camera as the page sends it back. Raises InputError, UsageError for anything else."""
     if not isinstance(data, dict):
         raise UsageError("expected a camera")
-    width, height = (_size(data.get(key)) for key in ("width", "height"))
-    (fx, fy), (cx, cy) = numbers(data.get("f"), 2), numbers(data.get("c"), 2)
-    dist = data.get("dist")
-    dist = numbers(dist, len(dist) if isinstance(dist, list) else -1)
-    rows = data.get("R")
-    R = [numbers(row, 3) for row in rows] if isinstance(rows, list) and len(rows) == 3 else []
-    try:
-        intrinsics = Intrinsics(width, height, fx, fy, cx, cy, tuple(dist))
-        return Camera(intrinsics, Pose(np.array(R), np.array(numbers(data.get("t"), 3))))
-    except ValueError as error:
-        raise UsageError(f"unusable camera: {error}") from None
+    width, height, focal, center, dist, R, t = (data.get(key) for key in CAMERA_KEYS)
+    found = checked_intrinsics(width, height, _list(focal), _list(center), _list(dist), "camera")
+    return Camera(found, checked_pose(_list(R), _list(t), "camera"))
 
 
-def _size(value: Any) -> int:
-    if not isinstance(value, int) or isinstance(value, bool) or not 0 < value < 1 << 20:
-        raise UsageError("a camera needs the size of its photo")
+CAMERA_KEYS = ("width", "height", "f", "c", "dist", "R", "t")
+
+
+def _list(value: Any) -> list[Any]:
+    if not isinstance(value, list):
+        raise UsageError(f"a camera needs lists for {', '.join(CAMERA_KEYS[2:])}")
     return value

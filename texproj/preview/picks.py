@@ -5,20 +5,23 @@ A version is the hash of the file's bytes: an edit from outside makes a new one,
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from texproj.errors import TexprojError, UsageError
+from texproj.errors import InputError, TexprojError, UsageError
 from texproj.files import content_hash
+from texproj.formats.camera_bounds import MOST_TRANSLATION
+from texproj.formats.correspondences import MOST_PIXELS
 from texproj.photo import Correspondences
 from texproj.project import Project
 
 NO_FILE = "none"
 MAX_PICKS = 2000
 MAX_NAME = 64
+MOST = MOST_TRANSLATION
+"""Largest number that a pick, ray or camera may hold, mesh units or pixels."""
 
 
 class VersionConflict(TexprojError):  # noqa: N818 - said as what happened
@@ -40,11 +43,14 @@ class SavedPicks:
 
 
 def version_of(project: Project, photo: str) -> str:
-    """The version of a photo's picks."""
+    """The version of a photo's picks. Raises InputError for a file that cannot be read."""
+    path = project.correspondences_path(photo)
     try:
-        return content_hash(project.correspondences_path(photo).read_bytes())
-    except FileNotFoundError:
+        return content_hash(path.read_bytes())
+    except (FileNotFoundError, NotADirectoryError):
         return NO_FILE
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
 
 
 def load_picks(project: Project, photo: str) -> SavedPicks:
@@ -74,6 +80,8 @@ def parse_picks(data: Any) -> Correspondences:
         raise UsageError("two picks have one name")
     uv = [numbers(item.get("uv"), 2) for item in data]
     xyz = [numbers(item.get("xyz"), 3) for item in data]
+    if any(abs(value) > MOST_PIXELS for row in uv for value in row):
+        raise UsageError(f"a pick lies more than {MOST_PIXELS:g} pixels from its photo's corner")
     return Correspondences(np.array(uv).reshape(-1, 2), np.array(xyz).reshape(-1, 3), names)
 
 
@@ -85,12 +93,12 @@ def _name(item: Any) -> str:
 
 
 def numbers(value: Any, count: int) -> list[float]:
-    """`count` finite numbers. Raises UsageError for anything else."""
+    """`count` numbers of possible size. Raises UsageError for anything else."""
     good = isinstance(value, list) and len(value) == count
     if not good or not all(_is_number(v) for v in value):
-        raise UsageError(f"expected {count} finite numbers")
+        raise UsageError(f"expected {count} numbers between -{MOST:g} and {MOST:g}")
     return [float(v) for v in value]
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= MOST

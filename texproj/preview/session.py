@@ -3,27 +3,37 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import threading
 from collections.abc import Callable
+from contextlib import ExitStack
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
-from texproj.errors import TexprojError
-from texproj.files import json_hash
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.at_work import at_work
+from texproj.errors import OutputError, TexprojError
+from texproj.files import STAGING_PREFIX, json_hash
 from texproj.formats.models.binary import required_extensions
 from texproj.formats.models.glb import IMAGE_EXTENSIONS
+from texproj.log import logged
 from texproj.mesh import MeshSource
 from texproj.options import PreviewOptions
+from texproj.preview.door import check_picks, check_texts, leaves
 from texproj.preview.events import Hub
 from texproj.preview.jobs import Job, Jobs
-from texproj.preview.photos import photo_facts
+from texproj.preview.photos import Pictures, photo_facts
 from texproj.preview.surface import Surface
 from texproj.project import Project
 from texproj.stages.bench import Workbench
-from texproj.stages.progress import Progress
+from texproj.stages.progress import Cancelled, Progress
 
 T = TypeVar("T")
+
+LOG = logging.getLogger("texproj.preview")
 
 MODEL_FILES = {
     "model.ply": "application/octet-stream",
@@ -33,15 +43,25 @@ MODEL_FILES = {
 
 
 class SharedBench(Workbench):
-    """A workbench on the mesh that is already loaded for the page."""
+    """A workbench on the mesh that is already loaded for the page; it keeps nothing on disk for
+    work that only looks.
+    """
 
-    def __init__(self, project: Project, surface: Surface) -> None:
+    def __init__(self, project: Project, surface: Surface, looks: bool) -> None:
         super().__init__(project)
         self._surface = surface
+        self._looks = looks
 
     @cached_property
     def source(self) -> MeshSource:
         return self._surface.source
+
+    @cached_property
+    def occlusion(self) -> NDArray[np.float32]:
+        if not self._looks:
+            return super().occlusion
+        known = self.kept_occlusion
+        return self._surface.occlusion if known is None else known
 
 
 class Session:
@@ -53,14 +73,33 @@ class Session:
         self.hub = Hub()
         self.jobs = Jobs(self.hub)
         self.picks_lock = threading.Lock()
+        self.pictures = Pictures()
+        self._project: tuple[tuple[str | None, ...], Project] | None = None
+        self._project_lock = threading.Lock()
         self._surface: Surface | None = None
         self._surface_lock = threading.Lock()
         self._kept: dict[str, Any] = {}
 
     @property
     def project(self) -> Project:
-        """The project as the folder is now. Raises TexprojError for a broken one."""
-        return Project.open(self.root)
+        """The project as the folder is now, opened again only when a file of it came or went.
+
+        Raises TexprojError for a broken one.
+        """
+        check_texts(self.root)
+        with self._project_lock:
+            before = self._project[1] if self._project else None
+            key = self._folder_key(before)
+            if before is None or self._project is None or self._project[0] != key:
+                before = Project.open(self.root).with_hashes_of(before)
+                self._project = self._folder_key(before), before
+            return before
+
+    def _folder_key(self, project: Project | None) -> tuple[str | None, ...]:
+        """Changes when the settings do, and when a file in one of the folders comes or goes."""
+        photos = project.photos if project else self.root / "photos"
+        folders = [self.root / name for name in ("mesh", "masks", "correspondences")]
+        return tuple(stamp(p) for p in (self.root / "project.toml", photos, *folders))
 
     @property
     def surface(self) -> Surface:
@@ -81,7 +120,7 @@ class Session:
             "name": self.root.resolve().name,
             "mesh": {"key": project.hash_of(project.mesh_path), "file": project.mesh_path.name},
             "photos": [photo_facts(project, name, entries.get(name)) for name in names],
-            "models": {name: shown_stamp(project.out / name) for name in MODEL_FILES},
+            "models": {name: shown_stamp(project.out / name, self.root) for name in MODEL_FILES},
             "jobs": [job.as_dict() for job in self.jobs.active],
         }
 
@@ -91,16 +130,36 @@ class Session:
         title: str,
         work: Callable[[Workbench, Progress], Any],
         subject: str = "",
-        project: Project | None = None,
+        looks: bool = False,
     ) -> tuple[Job, Any]:
-        """Queue `work` on a workbench of its own; returns the job and the future of its result."""
-        chosen = project or self.project
+        """Queue `work` on a workbench of its own; returns the job and the future of its result.
+
+        looks: nothing is written to the project. Raises InputError, TooManyJobs.
+        """
+        project = self.project
+        if not looks:
+            check_picks(self.root)
 
         def run(progress: Progress) -> Any:
-            with SharedBench(chosen, self.surface) as bench:
-                return work(bench, progress)
+            try:
+                with ExitStack() as open_now:
+                    if not looks:
+                        open_now.enter_context(at_work(project.work, f"preview: {title}", LOG.info))
+                        open_now.enter_context(logged(project.work / "log", f"preview: {title}"))
+                    bench = open_now.enter_context(SharedBench(project, self.surface, looks))
+                    return work(bench, progress)
+            except (TexprojError, Cancelled):
+                raise
+            except BaseException as error:
+                self.log_fault(title, error)
+                raise
 
         return self.jobs.start(kind, title, run, subject)
+
+    def log_fault(self, what: str, error: BaseException) -> None:
+        """Write what nobody foresaw, with its traceback, to the project's log."""
+        with contextlib.suppress(OutputError), logged(self.root / "work" / "log", "preview"):
+            LOG.error("%s failed", what, exc_info=error)
 
     def kept(self, key: list[Any], make: Callable[[], T]) -> T:
         """The value kept for `key`, else made now."""
@@ -151,8 +210,10 @@ def stamp(path: Path) -> str | None:
     return f"{stat.st_mtime_ns:x}-{stat.st_size:x}"
 
 
-def shown_stamp(path: Path) -> str | None:
-    """`stamp` of a model that the page can show: not one with images in KTX 2."""
+def shown_stamp(path: Path, root: Path) -> str | None:
+    """`stamp` of a model that the page can show: not one with images in KTX 2, nor a link."""
+    if leaves(path, root):
+        return None
     try:
         hidden = IMAGE_EXTENSIONS["ktx2"] in required_extensions(path)
     except OSError:
@@ -160,16 +221,17 @@ def shown_stamp(path: Path) -> str | None:
     return None if hidden else stamp(path)
 
 
-def stamps(root: Path) -> dict[str, str | None]:
-    """What the page watches in a project folder, by path relative to it."""
-    fixed = [root / "cameras.json", root / "project.toml"]
-    found = [p for folder in WATCHED for p in (root / folder).glob("*") if p.is_file()]
-    return {p.relative_to(root).as_posix(): stamp(p) for p in [*fixed, *found]}
+WATCHED = ("correspondences", "out", "photos", "mesh", "masks", "cameras.json", "project.toml")
+"""What of a project folder the page wants to hear about, by the first part of its path."""
 
 
-WATCHED = ("correspondences", "out", "photos")
-
-
-def changed(before: dict[str, str | None], after: dict[str, str | None]) -> set[str]:
-    """Paths that appeared, went or were written."""
-    return {p for p in before.keys() | after.keys() if before.get(p) != after.get(p)}
+def shown(path: str, root: Path) -> str | None:
+    """The path relative to `root` of a file that the page shows, None for all other files; a
+    photo outside of it is named alone.
+    """
+    try:
+        parts = Path(path).relative_to(root).parts
+    except ValueError:
+        return Path(path).name
+    hidden = any(part.startswith(STAGING_PREFIX) for part in parts)
+    return "/".join(parts) if parts and parts[0] in WATCHED and not hidden else None

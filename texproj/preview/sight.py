@@ -9,7 +9,7 @@ from texproj.camera import Camera
 from texproj.color.points.source import VertexPoints
 from texproj.color.sampling.prepare import photo_view
 from texproj.color.sampling.sample import sample
-from texproj.color.weights.surface import sight_of
+from texproj.color.weights.surface import surface_view
 from texproj.photo import Photo
 from texproj.stages.bench import Workbench
 
@@ -19,11 +19,11 @@ def vertex_weights(bench: Workbench, photo: Photo, camera: Camera) -> NDArray[np
     options = bench.project.settings.color
     view = photo_view(photo, camera, bench.scene, options)
     points = VertexPoints.of(bench.mesh)
-    sight = sight_of(points.owners, view.camera, view.depth_camera, len(view.levels), options)
+    surface = surface_view(points.owners, view.camera, view.depth_camera, len(view.levels), options)
     parts = []
     for number, size in enumerate(points.sizes):
         part = np.zeros(size, np.float32)
-        samples = sample(points.chunk(number), sight, view)
+        samples = sample(points.chunk(number), surface, view)
         if samples is not None:
             part[samples.seen] = samples.weight
         parts.append(part)

@@ -10,25 +10,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.errors import InputError
 from texproj.mesh import Mesh, MeshSource, face_normals, vertex_normals
+from texproj.preview.door import leaves
 from texproj.preview.geometry import LightMesh, pack_mesh, simplified
 from texproj.project import Project
+from texproj.render import ambient_occlusion
 from texproj.render.rays import RayCaster
-
-PACK_VERSION = 1
-"""Goes into the names of cached packs; raise it when their layout changes."""
 
 
 @dataclass(frozen=True, eq=False)
 class Hit:
-    """A point of the surface. xyz: (3,) float64 world; normal: (3,) unit; face: its number."""
+    """A point of the surface. xyz: (3,) float64 world; normal: (3,) unit; face: its number; back:
+    whether it is seen from behind.
+    """
 
     xyz: NDArray[np.float64]
     normal: NDArray[np.float64]
     face: int
+    back: bool = False
 
     def as_dict(self) -> dict[str, Any]:
-        return {"xyz": self.xyz.tolist(), "normal": self.normal.tolist()}
+        return {"xyz": self.xyz.tolist(), "normal": self.normal.tolist(), "back": self.back}
 
 
 class Surface:
@@ -45,7 +48,13 @@ class Surface:
     def source(self) -> MeshSource:
         """The repaired mesh and how it maps to the file. Raises InputError."""
         with self._lock:
-            return self.project.load_mesh()
+            try:
+                return self.project.load_mesh()
+            except InputError:
+                path = self.project.mesh_path
+                if leaves(path, self.project.root):  # the reason may quote what stands in it
+                    raise InputError(f"{path.name} cannot be read as a mesh") from None
+                raise
 
     @property
     def mesh(self) -> Mesh:
@@ -60,15 +69,9 @@ class Surface:
 
     @cached_property
     def light(self) -> LightMesh | None:
-        """The simplified mesh, kept in work/ between runs; None for a mesh small enough."""
+        """The simplified mesh; None for a mesh small enough."""
         with self._light_lock:
-            known = self._saved_light()
-            if known is not None:
-                return known
-            made = simplified(self.mesh, self.light_faces)
-            if made is not None:
-                self._save_light(made)
-            return made
+            return simplified(self.mesh, self.light_faces)
 
     @cached_property
     def light_pack(self) -> bytes | None:
@@ -112,7 +115,8 @@ class Surface:
         xyz = self.points_on(face, origin[None], direction[None])[0]
         if not np.isfinite(xyz).all():
             return None
-        return Hit(xyz, self._normals[face[0]], int(face[0]))
+        normal = self._normals[face[0]]
+        return Hit(xyz, normal, int(face[0]), bool(direction @ normal > 0))
 
     def normals_of(self, faces: NDArray[np.int32]) -> NDArray[np.float64]:
         """(n, 3) unit normals of faces."""
@@ -125,22 +129,10 @@ class Surface:
         vertex = self._tree.query(xyz)[1]
         return self._vertex_normals[vertex]
 
-    def _saved_light(self) -> LightMesh | None:
-        vertices, faces, nearest = (
-            self.project.load_array(self._light_key(part)) for part in LIGHT_PARTS
-        )
-        if vertices is None or faces is None or nearest is None:
-            return None
-        return LightMesh(Mesh(vertices, faces), nearest)
-
-    def _save_light(self, light: LightMesh) -> None:
-        save = self.project.save_array
-        save(self._light_key("vertices"), light.mesh.vertices)
-        save(self._light_key("faces"), light.mesh.faces)
-        save(self._light_key("nearest"), light.vertex_of_light)
-
-    def _light_key(self, part: str) -> str:
-        return f"preview{PACK_VERSION}-{part}-{self.light_faces}-{self.key}"
+    @cached_property
+    def occlusion(self) -> NDArray[np.float32]:
+        """(V,) ambient occlusion, for layers that are only looked at."""
+        return ambient_occlusion(self.mesh)
 
     @cached_property
     def _normals(self) -> NDArray[np.float64]:
@@ -159,6 +151,3 @@ class Surface:
     @cached_property
     def _rays(self) -> RayCaster:
         return RayCaster(self.mesh.vertices - self.mesh.center, self.mesh.faces)
-
-
-LIGHT_PARTS = ("vertices", "faces", "nearest")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from starlette.exceptions import HTTPException
 
 from texproj.color.weights import names
-from texproj.errors import UsageError
+from texproj.errors import UsageError, excerpt
 from texproj.preview.jobs import Job
 from texproj.preview.layers import factor_layers, occlusion_layer, photo_layers, weights_layer
 from texproj.preview.picks import SavedPicks
@@ -30,41 +30,49 @@ TOGETHER = (("coverage", "source"), FACTORS)
 
 def start(session: Session, kind: Any, photo: Any) -> Job:
     """Queue one of: solve (one photo from its picks), register, color, run. Raises UsageError."""
-    project = session.project
     if kind == "solve":
-        name = str(photo)
-        project.photo_path(name)
+        name = photo if isinstance(photo, str) else ""
+        session.project.photo_path(name)
 
         def solve(bench: Workbench, progress: Progress) -> Any:
+            bench.project = by_points(bench.project)
             return register_photos(bench, [name], progress)
 
-        return session.start(kind, f"Solve {name}", solve, name, by_points(project))[0]
-    if kind not in STAGES:
-        raise UsageError(f"unknown work {kind!r} (known: solve, {', '.join(STAGES)})")
+        return session.start(kind, f"Solve {name}", solve, name)[0]
+    if not isinstance(kind, str) or kind not in STAGES:
+        raise UsageError(f"unknown work {excerpt(kind)} (known: solve, {', '.join(STAGES)})")
     title, stage = STAGES[kind]
     return session.start(kind, title, stage)[0]
 
 
-def _register(bench: Workbench, progress: Progress) -> Any:
-    return register_photos(bench, progress=progress)
+def _register(bench: Workbench, progress: Progress) -> str:
+    outcomes = register_photos(bench, progress=progress)
+    found = sum(not outcome.failed for outcome in outcomes)
+    return f"{found} of {len(outcomes)} photos are registered."
 
 
-def _color(bench: Workbench, progress: Progress) -> Any:
+def _color(bench: Workbench, progress: Progress) -> str:
     from texproj.stages.coloring import color_project  # noqa: PLC0415 - slow to import
 
-    return color_project(bench, progress)
+    color_project(bench, progress)
+    return "The model is colored."
 
 
-def _run(bench: Workbench, progress: Progress) -> Any:
+def _run(bench: Workbench, progress: Progress) -> str:
     from texproj.stages.running import run_project  # noqa: PLC0415 - slow to import
 
-    return run_project(bench, progress)
+    outcome = run_project(bench, progress)
+    if outcome.color is None:
+        return f"No model: {outcome.reason}."
+    used = len(outcome.photos) - len(outcome.failed)
+    left = f"; not used: {', '.join(outcome.failed)}" if outcome.failed else ""
+    return f"The model is made from {used} of {len(outcome.photos)} photos{left}."
 
 
 STAGES = {
     "register": ("Register photos", _register),
-    "color": ("Color the model", _color),
-    "run": ("Run", _run),
+    "color": ("Color model", _color),
+    "run": ("Make the model", _run),
 }
 """Title and function of each stage that works on the whole project."""
 
@@ -87,14 +95,15 @@ async def layer_values(session: Session, layer: str, photo: str) -> NDArray[np.f
     made = session.recall(key)
     if made is None:
         try:
-            made = await asyncio.wrap_future(_layer_job(session, layer, photo))
+            job = _layer_job(session, layer, photo, made_with)
+            made = await asyncio.shield(asyncio.wrap_future(job))  # others may wait for it, too
         except Cancelled:
             raise HTTPException(409, "stopped on request") from None
         session.keep(key, made)
     return made[layer] if isinstance(made, dict) else made
 
 
-def _layer_job(session: Session, layer: str, photo: str) -> Any:
+def _layer_job(session: Session, layer: str, photo: str, made_with: tuple[str, ...]) -> Any:
     def run(bench: Workbench, progress: Progress) -> Any:
         if layer == "ao":
             return occlusion_layer(bench, progress)
@@ -104,7 +113,15 @@ def _layer_job(session: Session, layer: str, photo: str) -> Any:
             return factor_layers(bench, progress, photo)
         return photo_layers(bench, progress)
 
-    return session.start("layer", f"Layer: {layer}", run, photo)[1]
+    title = LAYER_TITLES.get(layer, "Measuring what a photo counts for")
+    return session.start("layer", title, run, f"{'+'.join(made_with)} {photo}", looks=True)[1]
+
+
+LAYER_TITLES = {
+    "ao": "Measuring how open the surface is",
+    "coverage": "Counting the photos that see the surface",
+    "source": "Finding the photo that counts most",
+}
 
 
 def picks_answer(session: Session, saved: SavedPicks) -> dict[str, Any]:

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,6 +20,7 @@ from texproj.options import PointsOptions
 from texproj.photo import Correspondences, PhotoInfo
 from texproj.records import Fit
 from texproj.register.picks.register import register_points
+from texproj.register.surface_lookup import surface_at
 from texproj.solve.features import Features, match_features
 
 MOST_PAIRS = 600
@@ -28,8 +28,6 @@ LEAST_INLIERS = 20
 LEAST_SHARE = 0.1
 """Of the matches. That chance does not agree so well is checked with the picks; this is against
 ornaments that repeat."""
-STEEPEST_JUMP = 0.02
-"""Surface whose depth varies by more than this part around a feature gives no sure point."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,23 +89,9 @@ def register_pairs(
     return _judged(fit, errors_px)
 
 
-def surface_points(known: Known) -> tuple[NDArray[np.intp], Doubles]:
-    """Numbers of the features that lie on smooth surface, and their (n, 3) world points."""
-    kernel = np.ones((5, 5), np.uint8)
-    near, far = cv2.erode(known.depth, kernel), cv2.dilate(known.depth, kernel)
-    h, w = known.depth.shape
-    column, row = (known.features.xy_px * (w / known.camera.width)).astype(int).T
-    column, row = column.clip(0, w - 1), row.clip(0, h - 1)
-    with np.errstate(invalid="ignore"):
-        smooth = far[row, column] - near[row, column] < STEEPEST_JUMP * near[row, column]
-    use = np.flatnonzero(smooth & np.isfinite(far[row, column]))
-    xy = known.features.xy_px[use]
-    return use, known.camera.unproject(xy, known.depth[row[use], column[use]])
-
-
 def pairs_with(features: Features, other: Known) -> Correspondences:
     """Pixels of a photo with the points of the mesh that a registered one shows there."""
-    use, xyz = surface_points(other)
+    use, xyz = surface_at(other.camera, other.depth, other.features.xy_px)
     on_surface = Features(other.features.xy_px[use], other.features.descriptors[use])
     matches = match_features(features, on_surface)
     return Correspondences(features.xy_px[matches[:, 0]], xyz[matches[:, 1]])

@@ -1,4 +1,4 @@
-"""How far apart two cameras are, told by what they show of the surface."""
+"""Distance between two cameras, by what they show of the surface."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from typing import Any, Literal, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.arrays import Bools, Doubles, Floats
+from texproj.arrays import Bools, Doubles, Floats, Mask
 from texproj.camera import Camera
 from texproj.errors import nearest_name
 
@@ -60,6 +60,13 @@ class GBuffer:
                 f"the rendering has no channel {channel!r}, only {', '.join(there) or 'none'}"
             )
         return there[channel]
+
+    def outside(self) -> Mask:
+        """(h, w) where the mesh's outside is seen; without the channel front, where any of the mesh
+        is. Raises ValueError without the channel depth.
+        """
+        solid = np.isfinite(self.require("depth"))
+        return solid if self.front is None else solid & self.front
 
     def points(self, camera: Camera, rows: NDArray[Any], columns: NDArray[Any]) -> Doubles:
         """(n, 3) float64 world points of the surface at the centers of pixels, rows (n,) and

@@ -30,7 +30,7 @@ class RayCaster:
     """
 
     def __init__(self, xyz: NDArray[Any], faces: NDArray[Any]) -> None:
-        """xyz: (V, 3) vertices; faces: (F, 3) their rows."""
+        """Build the tree. xyz: (V, 3) vertices; faces: (F, 3) their rows."""
         self._scene = EmbreeScene(robust=True)
         self._faces = TriangleMesh(self._scene, _float32(xyz), np.array(faces, np.int32))
 

@@ -18,7 +18,9 @@ Integers = NDArray[np.int32]
 
 @dataclass(frozen=True, eq=False)
 class Viewpoint:
-    """center (3,) and axis (3,) of a camera in scene coordinates; nearest: smallest distance that
+    """Where a camera stands and looks.
+
+    center (3,) and axis (3,) of a camera in scene coordinates; nearest: smallest distance that
     is told apart, so that what passes through the camera is not split for ever.
     """
 

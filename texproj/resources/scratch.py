@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import tempfile
 from threading import Lock
+
+from texproj.errors import OutputError
 
 
 class Scratch:
@@ -37,9 +40,20 @@ class Scratch:
         for part in parts:
             view = memoryview(part)
             while view:
-                written = os.pwrite(self._file.fileno(), view, at)
+                written = self._write(view, at)
                 view, at = view[written:], at + written
         return start
+
+    def _write(self, data: memoryview, at: int) -> int:
+        try:
+            return os.pwrite(self._file.fileno(), data, at)
+        except OSError as error:
+            if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+                raise
+            raise OutputError(
+                f"the temporary folder {tempfile.gettempdir()} is full; free some space, or name"
+                " another folder in the environment variable TMPDIR"
+            ) from None
 
     def read(self, start: int, length: int) -> bytes:
         """`length` bytes from `start`."""

@@ -18,7 +18,10 @@ CONTRAST = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Features:
-    """xy_px: (n, 2) float64 continuous pixels; descriptors: (n, 128) float32, RootSIFT."""
+    """Local features of a photo.
+
+    xy_px: (n, 2) float64 continuous pixels; descriptors: (n, 128) float32, RootSIFT.
+    """
 
     xy_px: NDArray[np.float64]
     descriptors: NDArray[np.float32]

@@ -90,7 +90,9 @@ class LmOptions:
 
 @dataclass(frozen=True, eq=False)
 class LmFit(Generic[X]):
-    """x: the minimum; cost: sum of robust costs and squared priors; weights: (n,) of the rows;
+    """The end of a minimization.
+
+    x: the minimum; cost: sum of robust costs and squared priors; weights: (n,) of the rows;
     residual: (n, d) there; data_hessian, prior_hessian: (p, p) Gauss-Newton J'WJ, dense or
     sparse; scatter2: estimated variance factor of the residuals (1 = as whitened).
     """

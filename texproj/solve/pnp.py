@@ -25,7 +25,9 @@ SCORED_POINTS = 300
 
 @dataclass(frozen=True)
 class MsacOptions:
-    """threshold_px: distance beyond which a pair counts as wrong; samples: most three-point
+    """How three-point samples are drawn and judged.
+
+    threshold_px: distance beyond which a pair counts as wrong; samples: most three-point
     sets to try; confidence: wanted chance to have drawn one set without outliers; seed: of the
     drawing; polished: how many best hypotheses are refined.
     """
@@ -39,7 +41,9 @@ class MsacOptions:
 
 @dataclass(frozen=True, eq=False)
 class PnpFit:
-    """pose; inliers: (n,) bool, closer than the threshold; score: mean capped squared error over
+    """The pose that most pairs agree on.
+
+    pose; inliers: (n,) bool, closer than the threshold; score: mean capped squared error over
     the squared threshold (0 best, 1 nothing fits); residual_px: (n,) distances, inf behind.
     """
 

@@ -86,7 +86,10 @@ class CameraSteps:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """x: where the search ended; value: there; initial: at the start; evaluations: how many."""
+    """The end of a search.
+
+    x: where the search ended; value: there; initial: at the start; evaluations: how many.
+    """
 
     x: Doubles
     value: float

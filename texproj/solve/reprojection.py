@@ -30,7 +30,9 @@ class Prior:
 
 @dataclass(frozen=True, eq=False)
 class Reprojection:
-    """xy_px: (n, 2); xyz_in_world: (n, 3); sigma_px: noise of xy_px, by which residuals are
+    """The problem of a camera whose projections of points shall meet their pixels.
+
+    xy_px: (n, 2); xyz_in_world: (n, 3); sigma_px: noise of xy_px, by which residuals are
     divided; free: intrinsics to solve; priors: on any of them.
     """
 

@@ -29,7 +29,9 @@ ROUNDS = 15
 
 @dataclass(frozen=True)
 class Noise:
-    """nominal_px: usual standard deviation per coordinate; gross_px: no inlier is further away
+    """What is expected of the pixels of picks.
+
+    nominal_px: usual standard deviation per coordinate; gross_px: no inlier is further away
     in the first round; picture_px2: area over which outliers spread.
     """
 
@@ -40,7 +42,9 @@ class Noise:
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """camera; inliers: (n,) bool; offset_px: (n, 2) projected minus given; sigma_px: noise per
+    """A camera solved from the pairs that agree with it.
+
+    camera; inliers: (n,) bool; offset_px: (n, 2) projected minus given; sigma_px: noise per
     coordinate; freedom: scalar residuals beyond the parameters, the nominal noise's included;
     covariance: (p, p) of the step; length: description length, lower is better; fit: of the LM;
     fit_points: (k, 3) world points of the inliers.

@@ -94,13 +94,22 @@ class Workbench:
     @cached_property
     def occlusion(self) -> NDArray[np.float32]:
         """(V,) ambient occlusion of the mesh, kept in work/ between runs."""
-        key = f"occlusion-{self.project.hash_of(self.project.mesh_path)}"
-        known = self.project.load_array(key)
-        if known is not None and known.shape == (len(self.mesh.vertices),):
+        known = self.kept_occlusion
+        if known is not None:
             return known
         values = ambient_occlusion(self.mesh)
-        self.project.save_array(key, values)
+        self.project.save_array(self._occlusion_key, values)
         return values
+
+    @property
+    def kept_occlusion(self) -> NDArray[np.float32] | None:
+        """(V,) ambient occlusion of an earlier run, None if there is none."""
+        known = self.project.load_array(self._occlusion_key)
+        return known if known is not None and known.shape == (len(self.mesh.vertices),) else None
+
+    @property
+    def _occlusion_key(self) -> str:
+        return f"occlusion-{self.project.hash_of(self.project.mesh_path)}"
 
     @cached_property
     def scene(self) -> Scene:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from texproj.color.checker.fit import Checker, read_checker
 from texproj.errors import InputError
 from texproj.formats.photos import read_photo, read_photo_info
 from texproj.project import Project
+
+if TYPE_CHECKING:
+    from texproj.color.checker.fit import Checker
 
 
 def checker_path(project: Project) -> Path | None:
@@ -26,6 +29,8 @@ def checker_of(project: Project) -> Checker | None:
         return None
     if not path.is_file():
         raise InputError(f"no photo of a color chart at {path}; correct `checker` in [color]")
+    from texproj.color.checker.fit import read_checker  # noqa: PLC0415 - slow to load
+
     own = [name for name, photo in project.photo_paths.items() if photo.samefile(path)]
     largest_mp = project.settings.largest_photo_mp
     photo = read_photo(path, read_photo_info(path, largest_mp), largest_mp=largest_mp)

@@ -6,13 +6,9 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from texproj.camera import Camera
-from texproj.color.checker.fit import Checker
-from texproj.color.result import Texture, VertexColors
-from texproj.color.sampling.photo_set import PhotoSet
-from texproj.color.vertices import color_vertices
 from texproj.errors import InputError, OutputError, nearest_name
 from texproj.files import json_hash, staging
 from texproj.formats.cameras import camera_part
@@ -33,6 +29,11 @@ from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
 from texproj.stages.writing import output_plan, write_texture, write_vertices
 
+if TYPE_CHECKING:
+    from texproj.color.checker.fit import Checker
+    from texproj.color.result import Texture, VertexColors
+    from texproj.color.sampling.photo_set import PhotoSet
+
 STAGE = "color"
 VERSION = 2
 Write = Callable[[Path], tuple[str, ...]]
@@ -43,7 +44,8 @@ SECTIONS = ("color", "unwrap", "patches", "output", "render")
 class ColorOutcome:
     """What was written, from which photos, and which could not be used and why.
 
-    folder: where the files are; kept: nothing had changed since the last run, so nothing was done.
+    folder: where the files are; notes: what of the inputs is not used as one might think; kept:
+    nothing had changed since the last run, so nothing was done.
     """
 
     folder: Path
@@ -51,6 +53,7 @@ class ColorOutcome:
     used: tuple[str, ...]
     failed: dict[str, str]
     quality: dict[str, Any]
+    notes: tuple[str, ...]
     kept: bool
 
     @property
@@ -68,6 +71,8 @@ class ColorOutcome:
                 f"color chart {chart['file']}: CIEDE2000 of its patches"
                 f" {before:.1f} -> {after:.1f}; exposure: {chart['exposure']}"
             )
+        for note in self.notes:
+            yield f"note: {note}"
         for name, reason in self.failed.items():
             yield f"{name}: FAILED: {reason}"
 
@@ -101,6 +106,7 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
         "used": [name for name in cameras if name not in failed],
         "failed": failed,
         "quality": colors.quality,
+        "mesh notes": list(bench.source.notes),
     }
     project.save_record(STAGE, None, record)
     project.save_hashes()
@@ -181,6 +187,7 @@ def _other_shape(project: Project, record: CameraRecord) -> str:
 
 def photo_set(project: Project, cameras: Mapping[str, Camera]) -> PhotoSet:
     """The photos of these cameras."""
+    from texproj.color.sampling.photo_set import PhotoSet  # noqa: PLC0415 - slow to load
 
     def read(name: str) -> Photo:
         return attended(name, partial(project.load_photo, name))
@@ -192,6 +199,7 @@ def _made(
     bench: Workbench, photos: PhotoSet, progress: Progress
 ) -> tuple[VertexColors | Texture, Write]:
     """The colors of the model, and what writes it into a folder and returns the file names."""
+    from texproj.color.vertices import color_vertices  # noqa: PLC0415 - slow to load
 
     def tell(done: int, total: int) -> None:
         progress(STAGE, done, total, "")
@@ -239,4 +247,6 @@ def _photo_inputs(project: Project, name: str, record: CameraRecord) -> Inputs:
 
 def _outcome(project: Project, record: dict[str, Any], kept: bool) -> ColorOutcome:
     files, used = tuple(record["outputs"]), tuple(record["used"])
-    return ColorOutcome(project.out, files, used, record["failed"], record["quality"], kept)
+    notes = (*project.notes, *record.get("mesh notes", ()))
+    failed, quality = record["failed"], record["quality"]
+    return ColorOutcome(project.out, files, used, failed, quality, notes, kept)

@@ -14,11 +14,6 @@ from texproj.errors import InputError, RegistrationError
 from texproj.photo import Correspondences
 from texproj.project import Project
 from texproj.records import THROUGH, CameraRecord, Fit
-from texproj.register.features import register_pairs
-from texproj.register.information.register import register_mutual_information
-from texproj.register.outline.chain import ChainOptions, register_from_outline
-from texproj.register.picks.register import register_points
-from texproj.register.structure.register import register_structure
 from texproj.stages.attending import attended
 from texproj.stages.bench import Workbench
 
@@ -188,6 +183,8 @@ def _place_of(job: Job, neighbor: Camera) -> Camera:
 
 
 def _by_points(job: Job) -> Fit:
+    from texproj.register.picks.register import register_points  # noqa: PLC0415 - slow to load
+
     picks = job.project.load_correspondences(job.name)
     if picks is None:
         path = job.project.correspondences_path(job.name)
@@ -216,12 +213,16 @@ def _from_place_of(job: Job, name: str) -> Fit:
 
 
 def _from_camera(job: Job, start: Camera) -> Fit:
+    from texproj.register.structure.register import register_structure  # noqa: PLC0415 - slow to load
+
     photo = job.project.load_photo(job.name, REGISTRATION_LONGEST)
     options = job.project.settings.structure
     return register_structure(photo, start, job.bench.render, options)
 
 
 def _by_features(job: Job) -> Fit:
+    from texproj.register.features import register_pairs  # noqa: PLC0415 - slow to load
+
     if not job.neighbors:
         raise RegistrationError(NOTHING_TO_START_FROM)
     info = job.project.photo_info(job.name)
@@ -243,6 +244,10 @@ def expected_error_px(record: CameraRecord) -> float:
 
 
 def _by_information(job: Job) -> Fit:
+    from texproj.register.information.register import (  # noqa: PLC0415 - slow to load
+        register_mutual_information,
+    )
+
     start = _given(job)
     photo = job.project.load_photo(job.name, REGISTRATION_LONGEST)
     options = job.project.settings.mutual_information
@@ -252,6 +257,11 @@ def _by_information(job: Job) -> Fit:
 
 def _by_silhouette(job: Job) -> Fit:
     """The views that have the object's outline, told apart and made exact by what is inside."""
+    from texproj.register.outline.chain import (  # noqa: PLC0415 - slow to load
+        ChainOptions,
+        register_from_outline,
+    )
+
     settings = job.project.settings
     photo = job.project.load_photo(job.name, REGISTRATION_LONGEST)
     options = ChainOptions(

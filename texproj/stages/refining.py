@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,12 +15,12 @@ from texproj.formats.cameras import entry_of_record
 from texproj.photo import Photo
 from texproj.project import Project
 from texproj.records import CameraRecord
-from texproj.register.joint.refine import Refined, refine
 from texproj.render import GBuffer
 from texproj.stages.attending import attended
 from texproj.stages.bench import Workbench
 from texproj.stages.entries import (
     Entries,
+    expected_error_px,
     is_refined,
     own_registration,
     refined_entry,
@@ -31,10 +31,11 @@ from texproj.stages.lenses import lens_of
 from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
 
+if TYPE_CHECKING:
+    from texproj.register.joint.refine import Refined
+
 STAGE = "refine"
 VERSION = 1
-UNKNOWN_ERROR_PERCENT = 0.1
-"""Expected error of a camera that does not tell its own, percent of the photo's longer side."""
 CHANNELS = ("depth", "normal")
 HELD = "imported cameras held"
 GLANCE_PX = 64
@@ -158,10 +159,12 @@ def _usable(project: Project, name: str, entry: CameraRecord) -> CameraRecord | 
 
 
 def _refine(bench: Workbench, before: Mapping[str, CameraRecord], fixed: list[bool]) -> Refined:
+    from texproj.register.joint.refine import refine  # noqa: PLC0415 - slow to load
+
     project = bench.project
     names = list(before)
     cameras = [_camera(record) for record in before.values()]
-    sigma = [_expected_error_px(record) for record in before.values()]
+    sigma = [expected_error_px(record) for record in before.values()]
 
     def load(number: int, longest: int) -> Photo:
         return project.load_photo(names[number], longest)
@@ -178,11 +181,6 @@ def _refine(bench: Workbench, before: Mapping[str, CameraRecord], fixed: list[bo
 def _camera(record: CameraRecord) -> Camera:
     assert record.camera is not None
     return record.camera
-
-
-def _expected_error_px(record: CameraRecord) -> float:
-    unknown = UNKNOWN_ERROR_PERCENT / 100 * max(record.width, record.height)
-    return float(record.quality.get("expected_error_px") or unknown)
 
 
 def _records(

@@ -13,6 +13,7 @@ import numpy as np
 
 from texproj.errors import InputError
 from texproj.files import json_hash, staging
+from texproj.formats.cameras import camera_part
 from texproj.formats.models import read_model
 from texproj.mesh import ColoredMesh, TexturedMesh
 from texproj.project import Project
@@ -105,16 +106,25 @@ def report_freshness(project: Project) -> Freshness:
 
 
 def _inputs(project: Project) -> Inputs:
-    shown: dict[str, Any] = {"mesh": project.mesh_path, "cameras": project.cameras_path}
+    shown: dict[str, Any] = {
+        "mesh": project.mesh_path,
+    }
     for name in project.photo_names:
         shown[name] = project.photo_path(name)
         shown[f"correspondences of {name}"] = project.correspondences_path(name)
     return {
         **options_inputs(project, VERSION, "refine", "render"),
         "texproj": __version__,
+        "cameras": json_hash([_shown(r) for r in project.load_cameras().values()]),
         "model": json_hash(project.load_record(COLOR)),
         **file_inputs(project, **shown),
     }
+
+
+def _shown(record: CameraRecord) -> list[Any]:
+    """What the report shows of a photo's camera."""
+    told = [record.file, record.status, record.method, record.quality, is_refined(record)]
+    return [*told, *camera_part(record).values()]
 
 
 def _facts(bench: Workbench, records: dict[str, CameraRecord]) -> dict[str, Any]:

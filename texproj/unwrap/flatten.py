@@ -132,7 +132,7 @@ def _unfolded(mesh: Mesh, charts: Charts) -> tuple[Charts, Bools]:
 
 
 def _averaged(old: Doubles, faces: Ints, moving: Bools) -> Doubles:
-    """uv with the moving rows at the mean of their neighbors; faces: all that touch them."""
+    """The uv with the moving rows at the mean of their neighbors; faces: all that touch them."""
     others = old[faces].sum(axis=1, keepdims=True) - old[faces]
     rows, where = np.unique(faces, return_inverse=True)
     sums = sum_by_label(others.reshape(-1, 2), where.ravel(), len(rows))

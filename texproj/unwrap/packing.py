@@ -21,7 +21,9 @@ SMALLEST_FACE = 1e-5  # square cells; xatlas leaves out faces below FLT_EPSILON 
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """uv: (W, 2) float64 texels on the page of each chart; page_of_chart: (n,) int64;
+    """Where charts lie on the pages.
+
+    uv: (W, 2) float64 texels on the page of each chart; page_of_chart: (n,) int64;
     page_sizes: (width, height) of each page.
     """
 

@@ -65,7 +65,7 @@ def flow(a: Floats, b: Floats) -> Floats:
 
 
 def warped(image: Floats, shift: Floats) -> Floats:
-    """image at q + shift[q]."""
+    """The image displaced: at each pixel q its value at q + shift[q], (h, w, 2) pixels."""
     height, width = shift.shape[:2]
     x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
     maps = np.dstack([x, y]) + shift

@@ -149,17 +149,17 @@ class _Equations:
 class _Priors:
     """What is expected before any overlap is seen.
 
-    log_exposure: (p,) log of the light gathered according to EXIF, NaN = unknown; doubt: (p,)
+    log_exposure: (p,) log of the light gathered according to EXIF, NaN = unknown; sigma: (p,)
     standard deviation of it.
     """
 
     log_exposure: Doubles
-    doubt: Doubles
+    sigma: Doubles
 
     @property
     def information(self) -> Doubles:
         """(p,) 0 where EXIF says nothing."""
-        return np.where(np.isfinite(self.log_exposure), self.doubt**-2, 0)
+        return np.where(np.isfinite(self.log_exposure), self.sigma**-2, 0)
 
     def off(self, log_gain: Doubles) -> Doubles:
         """(p,) log gains against those that EXIF calls for, up to what all have in common."""
@@ -167,21 +167,21 @@ class _Priors:
         total = max(float(self.information.sum()), 1e-12)
         return off - float(np.nansum(self.information * off)) / total
 
-    def doubted(self, log_gain: Doubles, overlapping: NDArray[np.bool_]) -> _Priors:
-        """As far as it is to be believed after these gains: Cauchy, scale from the median of the
-        overlapping photos.
+    def weighed(self, log_gain: Doubles, overlapping: NDArray[np.bool_]) -> _Priors:
+        """What is expected after these gains, wider where EXIF has proved wrong: Cauchy, scale from
+        the median of the overlapping photos.
         """
         off = self.off(log_gain)
         judged = np.abs(off[overlapping & np.isfinite(off)])
-        sigma = max(EXIF_SIGMA, 1.48 * float(np.median(judged)) if len(judged) else 0)
-        doubt = sigma * np.sqrt(1 + (np.nan_to_num(off) / (2 * sigma)) ** 2)
-        return _Priors(self.log_exposure, doubt)
+        scale = max(EXIF_SIGMA, 1.48 * float(np.median(judged)) if len(judged) else 0)
+        sigma = scale * np.sqrt(1 + (np.nan_to_num(off) / (2 * scale)) ** 2)
+        return _Priors(self.log_exposure, sigma)
 
     def system(self, unknowns: int) -> tuple[Doubles, Doubles]:
         """Normal matrix (K, K) and right side (K,) for the mean over the channels, what EXIF has
         in common eliminated.
         """
-        p, information = len(self.doubt), self.information
+        p, information = len(self.sigma), self.information
         normal = np.diag(np.full(unknowns, ANY_FALLOFF**-2))
         share = information / max(float(information.sum()), 1e-12)
         exif = np.diag(information) - np.outer(information, share)
@@ -210,7 +210,7 @@ def solve_light(seen: Overlaps, lens: NDArray[np.intp], log_exposure: Doubles) -
     for _ in range(ROUNDS):
         before, solution = solution, _solved(equations, weight, noise, priors)
         log_gain, log_light = solution[:p], solution[p:, 0].reshape(-1, POWERS)
-        priors = priors.doubted(log_gain.mean(axis=1), seen.count > 0)
+        priors = priors.weighed(log_gain.mean(axis=1), seen.count > 0)
         if len(weight):
             residual = equations.residual(log_gain, log_light, weight)
             noise = float(np.median(residual))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from texproj.arrays import Floats
 from texproj.color.balance.photometry import Photometry, solve_photometry
-from texproj.color.balance.shared_points import Survey
+from texproj.color.balance.shared_points import SharedPoints
 from texproj.color.balance.sharpness import Detail, chosen
 from texproj.color.weights.picture import FLOOR
 from texproj.options import ColorOptions
@@ -64,14 +64,14 @@ class Focus:
     trust: Floats | None = None
 
 
-def solve_focus(survey: Survey, options: ColorOptions) -> list[Focus]:
+def solve_focus(shared: SharedPoints, options: ColorOptions) -> list[Focus]:
     """The sharpness of each photo from what all show."""
-    found = [Focus() for _ in survey.shots]
-    if survey.detail is None or not options.focus_power:
+    found = [Focus() for _ in shared.shots]
+    if shared.detail is None or not options.focus_power:
         return found
-    detail, lack = lacking(survey.detail)
+    detail, lack = lacking(shared.detail)
     for photo in np.unique(detail.photo):
-        shot, mine = survey.shots[photo], detail.photo == photo
+        shot, mine = shared.shots[photo], detail.photo == photo
         assert shot is not None
         nodes = node_positions(shot.camera.width, shot.camera.height)
         bound = upper_medians(detail.place[mine], lack[mine], nodes).reshape(nodes.shape[:2])
@@ -84,9 +84,9 @@ def solve_focus(survey: Survey, options: ColorOptions) -> list[Focus]:
     return found
 
 
-def solve_photos(survey: Survey, options: ColorOptions) -> tuple[Photometry, list[Focus]]:
+def solve_photos(shared: SharedPoints, options: ColorOptions) -> tuple[Photometry, list[Focus]]:
     """What each photo's light needs, with the trust in its focus, and its focus."""
-    light, focus = solve_photometry(survey, options), solve_focus(survey, options)
+    light, focus = solve_photometry(shared, options), solve_focus(shared, options)
     both = zip(light.corrections, focus, strict=True)
     trusted = tuple(replace(c, trust=f.trust) if f.trust is not None else c for c, f in both)
     return replace(light, corrections=trusted), focus

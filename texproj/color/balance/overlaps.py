@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.arrays import Doubles
-from texproj.color.balance.shared_points import Survey
+from texproj.color.balance.shared_points import SharedPoints
 
 DARKEST, BRIGHTEST = 0.003, 0.92
 """Linear values between which a photo's response is trusted: above the noise and the rounding of
@@ -59,21 +59,21 @@ class Overlaps:
         return np.add.reduceat(values, self.start, axis=0) if len(values) else values
 
 
-def overlaps(survey: Survey) -> Overlaps:
-    """What in a survey can be compared."""
-    rgb = survey.rgb
+def overlaps(shared: SharedPoints) -> Overlaps:
+    """What of the shared points can be compared."""
+    rgb = shared.rgb
     sound = (rgb.min(axis=1) > DARKEST) & (rgb.max(axis=1) < BRIGHTEST)
-    sound &= survey.weight > SURE_WEIGHT
-    seen_by = np.bincount(survey.point[sound], minlength=survey.points)
-    shared = np.flatnonzero(sound & (seen_by[survey.point] > 1))
-    step = -(-len(shared) // max(ENOUGH, ENOUGH_EACH * len(survey.shots)))
-    shared = shared[_number_of(seen_by > 1)[survey.point[shared]] % max(step, 1) == 0]
-    shared = shared[np.argsort(survey.point[shared], kind="stable")]
-    point = survey.point[shared]
+    sound &= shared.weight > SURE_WEIGHT
+    seen_by = np.bincount(shared.point[sound], minlength=shared.points)
+    kept = np.flatnonzero(sound & (seen_by[shared.point] > 1))
+    step = -(-len(kept) // max(ENOUGH, ENOUGH_EACH * len(shared.shots)))
+    kept = kept[_number_of(seen_by > 1)[shared.point[kept]] % max(step, 1) == 0]
+    kept = kept[np.argsort(shared.point[kept], kind="stable")]
+    point = shared.point[kept]
     start = np.flatnonzero(np.diff(point, prepend=-1))
-    log_rgb = np.log(rgb[shared].astype(np.float64))
+    log_rgb = np.log(rgb[kept].astype(np.float64))
     return Overlaps(
-        len(survey.shots), survey.photo[shared], start, log_rgb, _squared_radius(survey, shared)
+        len(shared.shots), shared.photo[kept], start, log_rgb, _squared_radius(shared, kept)
     )
 
 
@@ -82,13 +82,13 @@ def _number_of(chosen: NDArray[np.bool_]) -> NDArray[np.intp]:
     return np.cumsum(chosen) - 1
 
 
-def _squared_radius(survey: Survey, rows: NDArray[np.intp]) -> Doubles:
+def _squared_radius(shared: SharedPoints, rows: NDArray[np.intp]) -> Doubles:
     """(k,) of some observations, see `Overlaps`."""
-    lenses = np.ones((len(survey.shots), 3))
-    for number, shot in enumerate(survey.shots):
+    lenses = np.ones((len(shared.shots), 3))
+    for number, shot in enumerate(shared.shots):
         if shot is not None:
             k = shot.camera.intrinsics
             lenses[number] = k.cx, k.cy, np.hypot(k.width, k.height) / 2
-    cx, cy, half = lenses[survey.photo[rows]].T
-    x, y = survey.xy_px[rows].T
+    cx, cy, half = lenses[shared.photo[rows]].T
+    x, y = shared.xy_px[rows].T
     return ((x - cx) ** 2 + (y - cy) ** 2) / half**2

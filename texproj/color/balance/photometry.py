@@ -10,7 +10,7 @@ from texproj.arrays import Doubles
 from texproj.color.balance.corrections import Correction, Gains, no_gains
 from texproj.color.balance.exposure import LightFit, solve_light
 from texproj.color.balance.overlaps import Overlaps, overlaps
-from texproj.color.balance.shared_points import Survey
+from texproj.color.balance.shared_points import SharedPoints
 from texproj.color.balance.vignetting import LensLight, lens_lights, lenses_of, light_grid
 from texproj.options import ColorOptions
 
@@ -29,31 +29,31 @@ class Photometry:
     exposure_off: Doubles
 
 
-def solve_photometry(survey: Survey, options: ColorOptions) -> Photometry:
+def solve_photometry(shared: SharedPoints, options: ColorOptions) -> Photometry:
     """Corrections of light from what the photos say about the same points."""
-    photos = len(survey.shots)
+    photos = len(shared.shots)
     if not options.gains:
         gains = no_gains(photos)
         return Photometry(tuple(map(Correction, gains.factor)), gains, (), np.full(photos, np.nan))
-    seen = overlaps(survey)
-    fit, lights = _fitted(seen, survey, options)
+    seen = overlaps(shared)
+    fit, lights = _fitted(seen, shared, options)
     gains = _gains(seen, fit)
     corrections = [Correction(gain) for gain in gains.factor]
     for light in lights:
         for photo in light.photos if light.corrected else ():
-            shot = survey.shots[photo]
+            shot = shared.shots[photo]
             assert shot is not None
             corrections[photo] = Correction(gains.factor[photo], light_grid(light, shot.camera))
     return Photometry(tuple(corrections), gains, tuple(lights), fit.exposure_off / np.log(2))
 
 
 def _fitted(
-    seen: Overlaps, survey: Survey, options: ColorOptions
+    seen: Overlaps, shared: SharedPoints, options: ColorOptions
 ) -> tuple[LightFit, list[LensLight]]:
     """The light of the photos, and of each lens that was looked at."""
-    exposure, none = log_exposure(survey), np.full(len(survey.shots), -1)
+    exposure, none = log_exposure(shared), np.full(len(shared.shots), -1)
     straight = solve_light(seen, none, exposure)
-    lens = none if options.vignetting == "off" else lenses_of(survey.shots)
+    lens = none if options.vignetting == "off" else lenses_of(shared.shots)
     if lens.max(initial=-1) < 0 or not len(seen.photo):
         return straight, []
     bent = solve_light(seen, lens, exposure)
@@ -67,9 +67,9 @@ def _fitted(
     return solve_light(seen, np.where(lens >= 0, kept[lens], -1), exposure), lights
 
 
-def log_exposure(survey: Survey) -> Doubles:
+def log_exposure(shared: SharedPoints) -> Doubles:
     """(p,) log of the light that the photos gathered according to EXIF, NaN = unknown."""
-    ev = [shot.info.exposure_ev if shot and shot.info else None for shot in survey.shots]
+    ev = [shot.info.exposure_ev if shot and shot.info else None for shot in shared.shots]
     return np.array([np.nan if value is None else value * np.log(2) for value in ev])
 
 

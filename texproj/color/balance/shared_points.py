@@ -16,10 +16,10 @@ from texproj.color.points.source import Chunk, PointSource, spread_points
 from texproj.color.sampling.pixel_lookup import depth_pixels, photo_pixels
 from texproj.color.sampling.sample import sample
 from texproj.color.sampling.view import WHITE, PhotoView
-from texproj.color.weights.surface import Sight
+from texproj.color.weights.surface import SurfaceView
 from texproj.photo import PhotoInfo
 
-SURVEYED = 20_000
+COMPARED = 20_000
 """Points that are looked at."""
 
 MOST_OBSERVATIONS = 400_000
@@ -35,7 +35,7 @@ class Shot:
 
 
 @dataclass(frozen=True, eq=False)
-class Survey:
+class SharedPoints:
     """m observations of points by photos, in the order of the photos, then of the points.
 
     shots: one per photo, None for one that could not be had; points: how many there are;
@@ -66,7 +66,7 @@ class _Seen:
         return _Seen(self.point[kept], self.values[kept])
 
 
-class Surveyor:
+class PointObserver:
     """Looks at the same points in one photo after the other.
 
     The number of observations stays below `MOST_OBSERVATIONS` whatever the number of photos.
@@ -75,28 +75,28 @@ class Surveyor:
     def __init__(self, points: PointSource, photos: int, detail: bool = False) -> None:
         """`photos`: how many there are in all; detail: whether to measure how sharp they are."""
         self._meter = DetailMeter(points) if detail else None
-        self._chunk = spread_points(points, SURVEYED)
+        self._chunk = spread_points(points, COMPARED)
         self._step = 1
         self._shots: list[Shot | None] = [None] * photos
         self._seen: list[_Seen | None] = [None] * photos
 
-    def add(self, number: int, sight: Sight, view: PhotoView) -> None:
+    def add(self, number: int, surface: SurfaceView, view: PhotoView) -> None:
         """Note what a photo shows."""
         if self._meter:
-            self._meter.add(number, sight, view)
+            self._meter.add(number, surface, view)
         self._shots[number] = Shot(view.camera, view.info)
-        self._seen[number] = observed(self._chunk, sight, view).thinned(self._step)
+        self._seen[number] = observed(self._chunk, surface, view).thinned(self._step)
         while sum(len(seen.point) for seen in self._seen if seen) > MOST_OBSERVATIONS:
             self._step *= 2
             self._seen = [seen and seen.thinned(self._step) for seen in self._seen]
 
-    def survey(self) -> Survey:
+    def shared(self) -> SharedPoints:
         """All that was noted."""
         seen = [part or _nothing() for part in self._seen]
         photo = np.repeat(np.arange(len(seen), dtype=np.int32), [len(s.point) for s in seen])
         point = np.concatenate([_nothing().point, *(s.point for s in seen)])
         values = np.concatenate([_nothing().values, *(s.values for s in seen)])
-        return Survey(
+        return SharedPoints(
             tuple(self._shots), len(self._chunk), photo, point,
             values[:, :3], values[:, 3], values[:, 4:],
             self._meter.detail() if self._meter else None,
@@ -107,13 +107,13 @@ def _nothing() -> _Seen:
     return _Seen(np.zeros(0, np.int32), np.zeros((0, 6), np.float32))
 
 
-def observed(chunk: Chunk, sight: Sight, view: PhotoView) -> _Seen:
+def observed(chunk: Chunk, surface: SurfaceView, view: PhotoView) -> _Seen:
     """What the photo shows of the points."""
-    samples = sample(chunk, sight, view)
+    samples = sample(chunk, surface, view)
     if samples is None:
         return _nothing()
     point = np.flatnonzero(samples.seen)
-    in_depth, _ = depth_pixels(chunk.xyz[point], sight.origin, view.depth_camera)
+    in_depth, _ = depth_pixels(chunk.xyz[point], surface.origin, view.depth_camera)
     values = np.empty((len(point), 6), np.float32)
     np.multiply(samples.rgb, np.float32(1 / WHITE), out=values[:, :3])
     values[:, 3] = samples.weight

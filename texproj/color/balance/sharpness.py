@@ -19,7 +19,7 @@ from texproj.color.points.source import Chunk, Owners, PointSource, spread_point
 from texproj.color.sampling.pixel_lookup import read_colors
 from texproj.color.sampling.sample import project
 from texproj.color.sampling.view import WHITE, PhotoView
-from texproj.color.weights.surface import Sight, facing, resolution
+from texproj.color.weights.surface import SurfaceView, facing, resolution
 
 CANDIDATES = 8000
 """Places that a photo may be measured at, in an order that is the same for all photos."""
@@ -85,13 +85,13 @@ class DetailMeter:
         self._places = Owners(owners.origin, chunk.xyz, normal, spacing)
         self._parts: list[Detail] = []
 
-    def add(self, number: int, sight: Sight, view: PhotoView) -> None:
+    def add(self, number: int, surface: SurfaceView, view: PhotoView) -> None:
         """Measure a photo."""
-        xy_px, seen = self._seen(sight, view)
+        xy_px, seen = self._seen(surface, view)
         if len(seen) == 0:
             return
         blocks = np.array_split(seen, -(-len(seen) // BLOCK))
-        measured = (self._measured(block, sight, view) for block in blocks)
+        measured = (self._measured(block, surface, view) for block in blocks)
         mean, energy, quiet = map(np.concatenate, zip(*measured, strict=True))
         level = np.quantile(quiet * mean, QUIETEST) * (0.75 / QUIET_NOISE)
         sound = (mean > DARKEST) & (mean < BRIGHTEST)
@@ -111,25 +111,25 @@ class DetailMeter:
         parts = zip(*map(columns, [nothing, *self._parts]), strict=True)
         return Detail(*map(np.concatenate, parts))
 
-    def _seen(self, sight: Sight, view: PhotoView) -> tuple[Floats, NDArray[np.intp]]:
+    def _seen(self, surface: SurfaceView, view: PhotoView) -> tuple[Floats, NDArray[np.intp]]:
         """(k, 2) positions in the photo and the numbers of the places to be measured."""
-        facing_it = np.flatnonzero(sight.weight[self._chunk.owner] > 0)
+        facing_it = np.flatnonzero(surface.weight[self._chunk.owner] > 0)
         if len(facing_it) == 0:
             return np.zeros((0, 2), np.float32), facing_it
         weight = np.ones(len(facing_it), np.float32)
-        xy_px = project(self._chunk.take(facing_it), weight, sight, view).reshape(-1, 2)
+        xy_px = project(self._chunk.take(facing_it), weight, surface, view).reshape(-1, 2)
         kept = np.flatnonzero(weight > UNDOUBTED)[:MEASURED]
         return xy_px[kept], facing_it[kept]
 
     def _measured(
-        self, seen: NDArray[np.intp], sight: Sight, view: PhotoView
+        self, seen: NDArray[np.intp], surface: SurfaceView, view: PhotoView
     ) -> tuple[Floats, Floats, Floats]:
         """(k,) mean light of patches and what `energies` says of them."""
-        light = self._patches(seen, sight, view)
+        light = self._patches(seen, surface, view)
         mean = light.mean(axis=(1, 2))
         return mean, *energies(light / np.maximum(mean, DARKEST)[:, None, None])
 
-    def _patches(self, seen: NDArray[np.intp], sight: Sight, view: PhotoView) -> Floats:
+    def _patches(self, seen: NDArray[np.intp], surface: SurfaceView, view: PhotoView) -> Floats:
         """(k, SIDE, SIDE) linear light of the patches."""
         places, owner = self._places, self._chunk.owner[seen]
         right, down = tangents(places.normal[seen])
@@ -138,8 +138,8 @@ class DetailMeter:
         rows: Floats = places.center[seen, None] + spacing * step * down[:, None]
         xyz = rows[:, :, None] + (spacing * step * right[:, None])[:, None]
         many = Chunk(xyz.reshape(-1, 3), np.repeat(owner, SIDE * SIDE))
-        xy_px = project(many, np.ones(len(many), np.float32), sight, view)
-        level = sight.level[many.owner] if sight.level.any() else None
+        xy_px = project(many, np.ones(len(many), np.float32), surface, view)
+        level = surface.level[many.owner] if surface.level.any() else None
         gray = cv2.transform(read_colors(view, xy_px, level), GRAY).reshape(-1)[: len(many)]
         return (gray * np.float32(1 / WHITE)).reshape(-1, SIDE, SIDE)
 

@@ -42,7 +42,7 @@ MOST = 2.0
 BETTER = 0.95
 """Part of the median disagreement between photos that may be left for the correction to be made
 unasked. Else the model keeps to what photos look like: on the fountain about a fifth of the light
-is missing at the corners of all photos (told at 2.9 deviations), which explains 3 % of their
+is missing at the corners of all photos (known at 2.9 deviations), which explains 3 % of their
 differences; corrected, the model matches other photos, as dark at their corners, worse (31.6
 against 32.3 dB), though it is truer (32.7 against 32.2 dB once those are corrected as well)."""
 

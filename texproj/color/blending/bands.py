@@ -30,17 +30,17 @@ def restored(rgb: Floats, trust: Floats, detail: Floats) -> Floats:
     strength = np.sqrt(np.maximum(power / least, 1))
     error = np.maximum(power - least, 0) * parts / np.maximum(1 - parts, np.float32(0.1))
     sure = np.maximum(1 - error / least, 0)
-    return lit(rgb, np.minimum(strength - 1, STRONGEST - 1) * sure * mean)
+    return with_light(rgb, np.minimum(strength - 1, STRONGEST - 1) * sure * mean)
 
 
 def exchanged(rgb: Floats, trust: Floats, sharp: Floats, detail: Floats) -> Floats:
     """(n, 3) colors averaged by `trust`, with the details averaged by `sharp` in place of theirs;
     both (p, n), sum to 1.
     """
-    return lit(rgb, np.einsum("pn,pn->n", sharp - trust, detail))
+    return with_light(rgb, np.einsum("pn,pn->n", sharp - trust, detail))
 
 
-def lit(rgb: Floats, extra: Floats) -> Floats:
+def with_light(rgb: Floats, extra: Floats) -> Floats:
     """(n, 3) colors with so much more light, (n,) in square roots."""
     light = np.sqrt(np.einsum("nc,c->n", rgb, LUMINANCE))
     factor = 1 + extra / np.maximum(light, np.float32(0.02))

@@ -15,7 +15,7 @@ from texproj.color.balance.corrections import Grid, corrected
 from texproj.color.blending.bands import exchanged, restored
 from texproj.color.blending.highlights import highlight_factor
 from texproj.color.points.source import PointSource
-from texproj.color.sampling.store import Spill, Stack
+from texproj.color.sampling.store import SampleStore, Stack
 from texproj.options import ColorOptions
 from texproj.photo import LUMINANCE
 
@@ -171,7 +171,7 @@ def _squared_distance(trust: Floats, values: Floats, out: Floats) -> Floats:
 
 
 def blend_chunk(
-    spill: Spill,
+    store: SampleStore,
     points: PointSource,
     number: int,
     gains: Floats,
@@ -183,8 +183,8 @@ def blend_chunk(
     gains: (p, 3), grids: (p,) of all photos in all; the share of the blend is (p,) of them too.
     """
     parts, share = [], np.zeros(len(gains))
-    for rows in spill.pieces(number):
-        stack = corrected(spill.read(number, rows), points, number, grids, rows)
+    for rows in store.pieces(number):
+        stack = corrected(store.read(number, rows), points, number, grids, rows)
         parts.append(blend(stack, gains, options))
         share[stack.photos] += parts[-1].share
     return Blend(

@@ -41,8 +41,8 @@ def highlight_factor(rgb: Floats, weight: Floats, strength: float) -> Floats:
     cosine = added.sum(axis=1) / np.maximum(length, 1e-6) / np.float32(np.sqrt(3))
     neutral = np.clip((cosine - COLORED) / (NEUTRAL - COLORED), 0, 1)
     over = np.maximum(brighter, 0) * np.float32(1 / SCALE)
-    told = np.count_nonzero(weight, axis=0) >= WITNESSES
-    return (1 / (1 + np.float32(strength) * over * over * neutral * told)).astype(np.float32)
+    judged = np.count_nonzero(weight, axis=0) >= WITNESSES
+    return (1 / (1 + np.float32(strength) * over * over * neutral * judged)).astype(np.float32)
 
 
 def median_view(values: Floats, weight: Floats) -> NDArray[np.intp]:

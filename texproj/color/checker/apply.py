@@ -11,13 +11,13 @@ import numpy as np
 from texproj.arrays import Doubles, Floats
 from texproj.color.balance.corrections import Correction
 from texproj.color.balance.photometry import Photometry
-from texproj.color.balance.shared_points import Survey
+from texproj.color.balance.shared_points import SharedPoints
 from texproj.color.checker.fit import XYZ_OF_SRGB, Checker
 from texproj.photo import PhotoInfo
 
 
 def absolute_matrix(
-    checker: Checker | None, names: Sequence[str], survey: Survey, light: Photometry
+    checker: Checker | None, names: Sequence[str], shared: SharedPoints, light: Photometry
 ) -> tuple[Floats | None, dict[str, Any]]:
     """(3, 3) blended linear light to absolute linear sRGB, None without a chart; and figures for
     the report. names: of the model's photos.
@@ -33,7 +33,7 @@ def absolute_matrix(
         number = names.index(checker.photo)
         factor = light.gains.factor[number] * light_at(light.corrections[number], checker.place)
         matrix, tie = checker.matrix / factor, "the chart's photo is one of the model's"
-    elif (stops := _stops(checker.info, survey)) is not None:
+    elif (stops := _stops(checker.info, shared)) is not None:
         log_factor = np.nanmean(stops[:, None] * np.log(2) - gain, axis=0)
         tie = f"EXIF exposure, {np.isfinite(stops).sum()} photos of the same camera"
         matrix = checker.matrix * np.exp(log_factor)
@@ -52,11 +52,11 @@ def light_at(correction: Correction, place: tuple[float, float]) -> float:
     return float(correction.light[min(row, height - 1), min(column, width - 1)])
 
 
-def _stops(chart: PhotoInfo, survey: Survey) -> Doubles | None:
+def _stops(chart: PhotoInfo, shared: SharedPoints) -> Doubles | None:
     """(p,) by how many stops the chart's photo gathered more light than each photo of the same
     camera, NaN for others; None where none can be compared.
     """
-    infos = [shot.info if shot else None for shot in survey.shots]
+    infos = [shot.info if shot else None for shot in shared.shots]
     if chart.exposure_ev is None or not chart.camera_body:
         return None
     alike = [

@@ -17,9 +17,9 @@ from texproj.color.points.texels import TexelPoints
 from texproj.color.sampling.gather import Projection
 from texproj.color.sampling.photo_set import PhotoSet, Unusable
 from texproj.color.sampling.sample import Samples, sample
-from texproj.color.sampling.store import Spill
+from texproj.color.sampling.store import SampleStore
 from texproj.color.sampling.view import WHITE, PhotoView
-from texproj.color.weights.surface import Sight, sight_of
+from texproj.color.weights.surface import SurfaceView, surface_view
 from texproj.options import ColorOptions
 from texproj.resources.memory import trim
 from texproj.resources.threads import ahead, in_parallel
@@ -36,7 +36,7 @@ def cut(
     progress: Callable[[int], None],
 ) -> Projection:
     """The pixels of every photo where it gives some: square roots of linear light, leveled."""
-    pixels, failed = Spill(texels.sizes, texels.scratch), []
+    pixels, failed = SampleStore(texels.sizes, texels.scratch), []
     cutting = _Cutting(texels, corner_maps(atlas), _tiles_of_faces(texels, len(atlas.faces)))
 
     def make(number: int) -> tuple[PatchBlend, PhotoView | Unusable]:
@@ -63,7 +63,7 @@ class _Cutting:
 
     def add(
         self,
-        pixels: Spill,
+        pixels: SampleStore,
         blend: PatchBlend,
         view: PhotoView,
         correction: Correction,
@@ -73,9 +73,9 @@ class _Cutting:
         row = np.full(len(self.maps), -1, np.int32)
         row[blend.faces] = np.arange(len(blend.faces), dtype=np.int32)
         camera, levels = view.camera, len(view.levels)
-        sight = sight_of(self.texels.owners, camera, view.depth_camera, levels, options)
-        sight = replace(sight, weight=sight.weight * (row >= 0))
-        cutter = _Cutter(self.texels, view, sight, self.maps, row, blend.corners, correction)
+        surface = surface_view(self.texels.owners, camera, view.depth_camera, levels, options)
+        surface = replace(surface, weight=surface.weight * (row >= 0))
+        cutter = _Cutter(self.texels, view, surface, self.maps, row, blend.corners, correction)
         wanted = [n for n, faces in enumerate(self.faces) if (row[faces] >= 0).any()]
         in_parallel(partial(cutter.cut, blend.photo, pixels), wanted)
 
@@ -100,7 +100,7 @@ class _Cutter:
 
     texels: TexelPoints
     view: PhotoView
-    sight: Sight
+    surface: SurfaceView
     maps: Floats
     row: NDArray[np.int32]
     corners: Floats
@@ -111,9 +111,9 @@ class _Cutter:
         """The photo's light over the picture."""
         return grid_of(self.view.camera, self.correction)
 
-    def cut(self, photo: int, pixels: Spill, tile: int) -> None:
+    def cut(self, photo: int, pixels: SampleStore, tile: int) -> None:
         chunk = self.texels.chunk(tile)
-        samples = sample(chunk, self.sight, self.view)
+        samples = sample(chunk, self.surface, self.view)
         if samples is None:
             return
         face = chunk.owner[samples.seen]

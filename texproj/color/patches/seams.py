@@ -70,7 +70,7 @@ class PatchBlends:
     def __init__(self, mesh: Mesh, labels: Labels, views: FaceViews, options: PatchOptions) -> None:
         self._mesh, self._labels, self._views = mesh, labels, views
         self._level_px = options.level_px
-        used = np.union1d(labels[labels >= 0], views.glimpse[views.glimpse >= 0])
+        used = np.union1d(labels[labels >= 0], views.partly[views.partly >= 0])
         self.photos = [int(photo) for photo in used]
         near = _NearSeams(mesh, labels, views, options.strip_px)
         self._shares = {photo: near.share(photo) for photo in self.photos}
@@ -88,11 +88,11 @@ class PatchBlends:
         own, at = self._labels == photo, weight[mesh.faces]
         faces = views.seen & ~(views.outlier == photo).any(axis=1) & (at > 0).any(axis=1)
         faces &= own | (at > OWN).any(axis=1)
-        rank = np.where(views.glimpse == photo, np.arange(views.glimpse.shape[1]), np.inf)
-        glimpsed = (FADING ** (1 + rank.min(axis=1))).astype(np.float32)
-        chosen = np.flatnonzero(faces | (glimpsed > 0))
+        rank = np.where(views.partly == photo, np.arange(views.partly.shape[1]), np.inf)
+        rest = (FADING ** (1 + rank.min(axis=1))).astype(np.float32)
+        chosen = np.flatnonzero(faces | (rest > 0))
         corners = np.empty((len(chosen), 3, 4), np.float32)
-        corners[..., 0] = at[chosen] + glimpsed[chosen, None]
+        corners[..., 0] = at[chosen] + rest[chosen, None]
         corners[..., 1:] = self._offsets(photo, chosen)
         return PatchBlend(photo, chosen, corners)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from texproj.arrays import Floats
 from texproj.color.balance.corrections import Gains
 from texproj.color.balance.photometry import Photometry, solve_photometry
-from texproj.color.balance.shared_points import Survey, Surveyor
+from texproj.color.balance.shared_points import PointObserver, SharedPoints
 from texproj.color.checker.apply import absolute_matrix, in_absolute
 from texproj.color.checker.fit import Checker
 from texproj.color.filling.gutters import fill_page
@@ -27,12 +27,12 @@ from texproj.color.patches.charts import continued, patch_atlas
 from texproj.color.patches.cut import cut
 from texproj.color.patches.labels import Labels, choose_photos, merge_islands
 from texproj.color.patches.seams import PatchBlends
-from texproj.color.patches.views import FacePoints, FaceViews, face_views, survey_options
+from texproj.color.patches.views import FacePoints, FaceViews, face_views, sampling_options
 from texproj.color.points.texels import TexelPoints
 from texproj.color.result import Texture
 from texproj.color.sampling.gather import Progress, counting, project_views
 from texproj.color.sampling.photo_set import PhotoSet, Unusable, reasons
-from texproj.color.sampling.store import Spill
+from texproj.color.sampling.store import SampleStore
 from texproj.color.texture import encoded
 from texproj.mesh import Mesh, face_areas
 from texproj.options import ColorOptions, PatchOptions, UnwrapOptions
@@ -77,7 +77,7 @@ def color_patches(
         with renderer.load(mesh) as scene:
             photos = photos.rendered(scene, scratch)
         seen = _evidence(mesh, photos, settings, scratch, counting(progress, steps))
-        absolute, charted = absolute_matrix(checker, photos.names, seen.survey, seen.light)
+        absolute, charted = absolute_matrix(checker, photos.names, seen.shared, seen.light)
         trim()
         views, graph = seen.views, dual_graph(mesh)
         labels = _labels(mesh, views, graph, patch)
@@ -107,7 +107,7 @@ class _Evidence:
     """
 
     views: FaceViews
-    survey: Survey
+    shared: SharedPoints
     light: Photometry
     failed: tuple[Unusable, ...]
 
@@ -119,15 +119,15 @@ def _evidence(
     scratch: Scratch,
     progress: Callable[[int], None],
 ) -> _Evidence:
-    options, points = survey_options(settings.color), FacePoints.of(mesh, len(photos))
-    surveyor = Surveyor(points, len(photos), options.focus_power > 0)
+    options, points = sampling_options(settings.color), FacePoints.of(mesh, len(photos))
+    observer = PointObserver(points, len(photos), options.focus_power > 0)
     shown = photos.views(options)
-    projected = project_views(points, shown, surveyor, options, scratch, progress)
-    survey = surveyor.survey()
-    light = solve_photometry(survey, settings.color)
+    projected = project_views(points, shown, observer, options, scratch, progress)
+    shared = observer.shared()
+    light = solve_photometry(shared, settings.color)
     cameras, samples = photos.cameras, projected.samples
     views = face_views(points, cameras, samples, light, settings.color, settings.patch)
-    return _Evidence(views, survey, light, projected.failed)
+    return _Evidence(views, shared, light, projected.failed)
 
 
 def _labels(mesh: Mesh, views: FaceViews, graph: DualGraph, patch: PatchOptions) -> Labels:
@@ -138,7 +138,11 @@ def _labels(mesh: Mesh, views: FaceViews, graph: DualGraph, patch: PatchOptions)
 
 
 def _bake(
-    texels: TexelPoints, atlas: Atlas, pixels: Spill, absolute: Floats | None, options: ColorOptions
+    texels: TexelPoints,
+    atlas: Atlas,
+    pixels: SampleStore,
+    absolute: Floats | None,
+    options: ColorOptions,
 ) -> tuple[list[NDArray[Any]], list[NDArray[np.uint8]]]:
     """The pages, and how many photos each texel is from; 0 = not seen.
 
@@ -176,6 +180,7 @@ def quality_of(mesh: Mesh, atlas: Atlas, labels: Labels) -> dict[str, Any]:
         "patches": len(np.unique(atlas.chart_of_face[labels >= 0])),
         "cut_for_overlap": atlas.stats.overlap_splits,
         "scale": round(atlas.stats.scale, 4),
+        "atlas": asdict(atlas.stats),
     }
 
 

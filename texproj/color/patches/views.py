@@ -13,7 +13,7 @@ from texproj.camera import Camera
 from texproj.color.balance.corrections import Gains, corrected, grids_of
 from texproj.color.balance.photometry import Photometry
 from texproj.color.points.source import CHUNK, Chunk, Owners
-from texproj.color.sampling.store import Spill, Stack
+from texproj.color.sampling.store import SampleStore, Stack
 from texproj.color.weights.surface import facing, resolution
 from texproj.mesh import Mesh, face_areas
 from texproj.options import ColorOptions, PatchOptions
@@ -92,7 +92,7 @@ class FaceViews:
     photo: (F, k) int32, -1 = none; cost: (F, k) float32, 0 = perfect, inf where none;
     to_consensus: (F, k, 3) float16 square root of linear light after gains, what all photos agree
     on minus this photo, 0 where none; density: (F,) float32 pixels per mesh unit of the best
-    photo, 0 = unseen; glimpse: (F, k) int32 photos that show a part of a face that none shows as a
+    photo, 0 = unseen; partly: (F, k) int32 photos that show a part of a face that none shows as a
     whole, best first, -1 = none; outlier: (F, k) int32 photos that show something else there.
     """
 
@@ -100,7 +100,7 @@ class FaceViews:
     cost: Floats
     to_consensus: NDArray[np.float16]
     density: Floats
-    glimpse: NDArray[np.int32]
+    partly: NDArray[np.int32]
     outlier: NDArray[np.int32]
 
     @property
@@ -109,7 +109,7 @@ class FaceViews:
         return self.photo[:, 0] >= 0
 
 
-def survey_options(options: ColorOptions) -> ColorOptions:
+def sampling_options(options: ColorOptions) -> ColorOptions:
     """Samples of faces are weighted by the picture alone; angle and density come later, focus and
     bands of detail do not matter for patches.
     """
@@ -119,7 +119,7 @@ def survey_options(options: ColorOptions) -> ColorOptions:
 def face_views(
     points: FacePoints,
     cameras: Sequence[Camera],
-    spill: Spill,
+    store: SampleStore,
     light: Photometry,
     options: ColorOptions,
     patch: PatchOptions,
@@ -137,18 +137,18 @@ def face_views(
     gains, grids = light.gains, grids_of(cameras, light.corrections)
 
     def one(number: int) -> None:
-        stack = corrected(spill.read(number), points, number, grids)
+        stack = corrected(store.read(number), points, number, grids)
         if len(stack.photos):
             rows = points.faces(number)
             quality, pixels = _quality(points, rows, [cameras[p] for p in stack.photos])
             cost, offset, outlier = _judged(stack, quality, gains, options, patch)
             _keep_best(out, rows, stack, cost, offset)
             shown = (stack.weight > 0).reshape(len(cost), SAMPLES, -1).mean(axis=1)
-            _keep_photos(out.glimpse[rows], stack, shown * quality * (out.photo[rows, 0] < 0))
+            _keep_photos(out.partly[rows], stack, shown * quality * (out.photo[rows, 0] < 0))
             _keep_photos(out.outlier[rows], stack, outlier.astype(np.float32))
             out.density[rows] = np.where(shown > 0, pixels, 0).max(axis=0)
 
-    in_parallel(one, range(len(spill.sizes)))
+    in_parallel(one, range(len(store.sizes)))
     return out
 
 
@@ -185,8 +185,8 @@ def _judged(
     error = np.sqrt((away * away).mean(axis=1).sum(axis=1) / np.maximum(visible.sum(axis=1), 1))
     best = np.where(whole, quality, 0).max(axis=0)
     coarser = np.log2(np.maximum(best, 1e-20) / np.maximum(quality, 1e-20)).clip(0, 10)
-    doubt = (error / np.float32(CONSENSUS_SCALE)) ** 2
-    cost = doubt / (1 + doubt) + np.float32(patch.resolution) * coarser
+    squared = (error / np.float32(CONSENSUS_SCALE)) ** 2
+    cost = squared / (1 + squared) + np.float32(patch.resolution) * coarser
     cost += np.float32(MARGIN) * (1 - trust)
     outlier = error > np.float32(OUTLIER * CONSENSUS_SCALE)
     agreeing = np.count_nonzero(whole & ~outlier, axis=0)

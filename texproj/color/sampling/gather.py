@@ -10,9 +10,9 @@ from typing import Protocol
 from texproj.color.points.source import PointSource
 from texproj.color.sampling.photo_set import Unusable
 from texproj.color.sampling.sample import sample
-from texproj.color.sampling.store import Spill
+from texproj.color.sampling.store import SampleStore
 from texproj.color.sampling.view import PhotoView
-from texproj.color.weights.surface import Sight, sight_of
+from texproj.color.weights.surface import SurfaceView, surface_view
 from texproj.options import ColorOptions
 from texproj.resources.scratch import Scratch
 from texproj.resources.threads import in_parallel
@@ -24,7 +24,7 @@ Progress = Callable[[int, int], None]
 class Observer(Protocol):
     """Looks at each view beside the projection, while it is in memory."""
 
-    def add(self, number: int, sight: Sight, view: PhotoView) -> None:
+    def add(self, number: int, surface: SurfaceView, view: PhotoView) -> None:
         """Note what the photo of that number shows."""
 
 
@@ -32,7 +32,7 @@ class Observer(Protocol):
 class Projection:
     """The samples of all photos that could be used, and the photos that could not."""
 
-    samples: Spill
+    samples: SampleStore
     failed: tuple[Unusable, ...]
 
 
@@ -48,19 +48,19 @@ def project_views(
 
     progress: called with the number of views that are done.
     """
-    spill, failed = Spill(points.sizes, scratch), []
+    store, failed = SampleStore(points.sizes, scratch), []
     for number, view in enumerate(views):
         if isinstance(view, Unusable):
             failed.append(view)
         else:
-            add_photo(spill, observer, number, points, view, options)
+            add_photo(store, observer, number, points, view, options)
         del view  # before the next one is made
         progress(number + 1)
-    return Projection(spill, tuple(failed))
+    return Projection(store, tuple(failed))
 
 
 def add_photo(
-    spill: Spill,
+    store: SampleStore,
     observer: Observer,
     number: int,
     points: PointSource,
@@ -68,15 +68,15 @@ def add_photo(
     options: ColorOptions,
 ) -> None:
     """Append what one photo says about every chunk of the points, and show it to the observer."""
-    sight = sight_of(points.owners, view.camera, view.depth_camera, len(view.levels), options)
+    surface = surface_view(points.owners, view.camera, view.depth_camera, len(view.levels), options)
 
     def one(chunk: int) -> None:
-        samples = sample(points.chunk(chunk), sight, view)
+        samples = sample(points.chunk(chunk), surface, view)
         if samples is not None:
-            spill.add(number, chunk, samples)
+            store.add(number, chunk, samples)
 
     with ThreadPoolExecutor(1) as beside:
-        observed = beside.submit(observer.add, number, sight, view)
+        observed = beside.submit(observer.add, number, surface, view)
         in_parallel(one, range(len(points.sizes)))
         observed.result()
 

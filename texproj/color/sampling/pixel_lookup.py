@@ -60,7 +60,7 @@ def rescaled(xy_px: Floats, shape: tuple[int, ...], camera: Camera) -> Floats:
 
 
 def affine(maps: Floats, scale: tuple[float, float], offset: tuple[float, float]) -> Floats:
-    """maps * scale + offset, per axis."""
+    """Positions times `scale` plus `offset`, per axis."""
     matrix = np.array([[scale[0], 0, offset[0]], [0, scale[1], offset[1]]], np.float32)
     return cv2.transform(maps, matrix)
 

@@ -11,7 +11,7 @@ from texproj.color.points.source import Chunk, Owners
 from texproj.color.sampling.photo_set import PhotoSet
 from texproj.color.sampling.sample import project
 from texproj.color.sampling.view import PhotoView
-from texproj.color.weights.surface import facing, resolution, sight_of
+from texproj.color.weights.surface import facing, resolution, surface_view
 from texproj.mesh import Mesh, face_areas
 from texproj.options import ColorOptions
 from texproj.resources.threads import in_parallel
@@ -37,13 +37,13 @@ def texels_per_unit(mesh: Mesh, photos: PhotoSet, options: ColorOptions) -> NDAr
         camera = photos.cameras[number]
         depth_camera, depth = photos.depth_image(number)
         view = PhotoView(camera, depth_camera, depth)
-        sight = sight_of(faces, camera, depth_camera, 1, options)
+        surface = surface_view(faces, camera, depth_camera, 1, options)
         pixels = resolution(faces, camera) * np.sqrt(np.maximum(facing(faces, camera), 0))
-        better = np.flatnonzero(np.where(sight.weight > 0, pixels, 0) > best).astype(np.int32)
+        better = np.flatnonzero(np.where(surface.weight > 0, pixels, 0) > best).astype(np.int32)
         if len(better) == 0:
             return
-        weight = sight.weight.take(better)
-        project(Chunk(faces.center.take(better, axis=0), better), weight, sight, view)
+        weight = surface.weight.take(better)
+        project(Chunk(faces.center.take(better, axis=0), better), weight, surface, view)
         with lock:
             best[better] = np.maximum(best[better], np.where(weight > 0, pixels[better], 0))
 

@@ -13,7 +13,7 @@ from texproj.color.points.source import Chunk
 from texproj.color.sampling.light_around import light_around
 from texproj.color.sampling.pixel_lookup import depth_pixels, photo_pixels, read_colors, taken
 from texproj.color.sampling.view import PhotoView
-from texproj.color.weights.surface import Sight
+from texproj.color.weights.surface import SurfaceView
 
 WEIGHT_ONE = 65535
 """The 16-bit value of weight 1; a weight above zero is stored as at least 1."""
@@ -46,9 +46,9 @@ class Samples:
         return self.packed[:, 3] * np.float32(1 / WEIGHT_ONE)
 
 
-def sample(chunk: Chunk, sight: Sight, view: PhotoView) -> Samples | None:
+def sample(chunk: Chunk, surface: SurfaceView, view: PhotoView) -> Samples | None:
     """The photo's color at every point that it sees with a weight above zero; None if none."""
-    weight = sight.weight.take(chunk.owner)
+    weight = surface.weight.take(chunk.owner)
     facing = weight > 0
     count = np.count_nonzero(facing)
     if count == 0:
@@ -57,7 +57,7 @@ def sample(chunk: Chunk, sight: Sight, view: PhotoView) -> Samples | None:
     if sparse := count < MOSTLY * len(chunk):
         rows = np.flatnonzero(facing)
         part, weight = chunk.take(rows), weight.take(rows)
-    xy_px = project(part, weight, sight, view)
+    xy_px = project(part, weight, surface, view)
     seen, owner = weight > 0, part.owner
     count = np.count_nonzero(seen)
     if count == 0:
@@ -65,7 +65,7 @@ def sample(chunk: Chunk, sight: Sight, view: PhotoView) -> Samples | None:
     if count < len(part):
         kept = np.flatnonzero(seen)
         xy_px, weight, owner = taken(xy_px, kept), weight.take(kept), owner.take(kept)
-    level = sight.level.take(owner) if sight.level.any() else None
+    level = surface.level.take(owner) if surface.level.any() else None
     rgb = read_colors(view, xy_px, level)
     around = light_around(view, rgb, xy_px, level)[:count] if view.soft else None
     if sparse:
@@ -83,15 +83,15 @@ def with_weight(rgb: NDArray[np.uint16], weight: Floats) -> NDArray[np.uint16]:
     return packed
 
 
-def project(chunk: Chunk, weight: Floats, sight: Sight, view: PhotoView) -> Floats:
+def project(chunk: Chunk, weight: Floats, surface: SurfaceView, view: PhotoView) -> Floats:
     """Where the points are in the photo; their weights (n,) are multiplied, in place, by what the
     picture is worth there, 0 = unseen.
 
     Returns (rows, ROW, 2) float32 OpenCV pixels (the top-left pixel's center is 0) of the
     full-size photo, of which the first n count.
     """
-    in_depth, depth = depth_pixels(chunk.xyz, sight.origin, view.depth_camera)
-    nearest = sight.nearer.take(chunk.owner)
+    in_depth, depth = depth_pixels(chunk.xyz, surface.origin, view.depth_camera)
+    nearest = surface.nearer.take(chunk.owner)
     nearest *= depth
     seen = cv2.remap(view.depth, in_depth, None, cv2.INTER_NEAREST, borderValue=-1)
     visible = nearest <= seen.reshape(-1)[: len(chunk)]

@@ -51,7 +51,7 @@ class Stack:
     trust: Floats | None = None
 
 
-class Spill:
+class SampleStore:
     """The samples of photos in a scratch file, chunk by chunk.
 
     8 bytes per sample (10 with the light around it) and one bit per point of a chunk that a photo

@@ -21,7 +21,7 @@ MASK_FEATHER = 0.003
 DARK_WEIGHT = 0.2
 """Weight of samples where the photo is hardly above black."""
 FLOOR = np.float32(0.01)
-"""What a doubtful but visible sample keeps: it yields to every better one, yet colors a point
+"""What an uncertain but visible sample keeps: it yields to every better one, yet colors a point
 that has no better one."""
 
 DEPTH_JUMP_PX = 12.0

@@ -32,7 +32,7 @@ SHARPER = 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class SurfaceView:
     """How one photo sees the owners of points.
 
     weight: (k,) float32 product of the surface factors, 0 = faces away or behind the camera;
@@ -47,10 +47,10 @@ class Sight:
     level: NDArray[np.int8]
 
 
-def sight_of(
+def surface_view(
     owners: Owners, camera: Camera, depth_camera: Camera, levels: int, options: ColorOptions
-) -> Sight:
-    """The sight of a photo with so many pyramid levels."""
+) -> SurfaceView:
+    """How a photo with so many pyramid levels sees the owners."""
     cosine = facing(owners, camera)
     seen = cosine > np.float32(MIN_COS_ANGLE)
     cosine = np.where(seen, cosine, np.float32(1))
@@ -63,7 +63,7 @@ def sight_of(
     octave = np.log2(np.maximum(pixels * np.sqrt(cosine), 1)) - SHARPER
     level = np.clip(np.round(octave), 0, max(levels - 1, 0)).astype(np.int8)
     nearer = (1 - DEPTH_TOLERANCE - footprint * slope).astype(np.float32)
-    return Sight(owners.origin, weight, nearer, level)
+    return SurfaceView(owners.origin, weight, nearer, level)
 
 
 def surface_factors(cosine: Floats, pixels: Floats, options: ColorOptions) -> dict[str, Floats]:

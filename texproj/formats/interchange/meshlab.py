@@ -133,7 +133,7 @@ def _intrinsics(vcg: ET.Element, where: str) -> Intrinsics:
     focal = numbers(vcg.get("FocalMm"), 1, f"{where}, FocalMm")
     size = numbers(vcg.get("PixelSizeMm"), 2, f"{where}, PixelSizeMm")
     cx, cy_up = numbers(vcg.get("CenterPx"), 2, f"{where}, CenterPx")
-    if not min(size) > 0 or not np.isfinite(focal / size).all():
+    if not min(size) > 1 / MOST_SCALE:
         raise Unusable("its pixels have no size")
     return lens(width, height, focal / size, (cx, height - cy_up))
 

@@ -26,6 +26,9 @@ SizeOf = Callable[[str], tuple[int, int] | None]
 Y_AND_Z_FLIPPED = np.diag([1.0, -1.0, -1.0])
 """Between OpenCV's camera axes (y down, z forward) and OpenGL's (y up, z backward)."""
 
+LARGEST = 1e30
+"""Size beyond which a number means nothing in a camera's file, whatever it is for."""
+
 CLEAN_ROTATION = 1e-12
 """Rotations as exact as this keep every bit."""
 
@@ -105,6 +108,8 @@ def numbers(given: Any, count: int, where: str) -> Array:
         listed = False
     if not listed or len(values) != count or not np.isfinite(values).all():
         raise InputError(f"{where}: {count} numbers expected")
+    if np.abs(values).max(initial=0) > LARGEST:
+        raise InputError(f"{where}: a number beyond {LARGEST:g} is none of a camera's")
     return values
 
 

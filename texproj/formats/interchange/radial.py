@@ -13,8 +13,8 @@ from texproj.formats.interchange.model import Unusable, lens
 SAMPLES = 200
 WIDEST_RAD = np.radians(70.0)
 """Angle off the axis at the picture's corner beyond which no fisheye is fitted."""
-MOST_FIT_ERROR_PX = 0.1
-"""Error beyond which a fitted fisheye is not taken."""
+MOST_FISHEYE_ERROR_PX, MOST_ERROR_PX = 0.1, 1.0
+"""Errors beyond which a fitted fisheye, or a fitted fourth term, is not taken."""
 
 TOO_WIDE = (
     "its fisheye lens is too wide for a perspective one; undistort the photos there and import the"
@@ -40,6 +40,11 @@ def with_fourth_order(intrinsics: Intrinsics, k4: float) -> tuple[Intrinsics, st
         return np.polyval(polynomial, r**2)
 
     fitted, error_px = _fitted(intrinsics, factor, 2 * _corner(intrinsics), (p1, p2))
+    if not error_px <= MOST_ERROR_PX:
+        raise Unusable(
+            f"its lens (k4 = {k4:.6g}) is none that OpenCV's model comes near; undistort the photos"
+            " there and import the cameras of those"
+        )
     return fitted, f"k4 = {k4:.6g} is fitted by OpenCV's rational lens within {error_px:.2g} px"
 
 
@@ -63,7 +68,7 @@ def fisheye(
     if (widest * factor(np.array([widest])))[0] < _corner(intrinsics):
         raise Unusable(TOO_WIDE)
     fitted, error_px = _fitted(intrinsics, factor, float(widest), (0.0, 0.0))
-    if error_px > MOST_FIT_ERROR_PX:
+    if not error_px <= MOST_FISHEYE_ERROR_PX:
         raise Unusable(TOO_WIDE)
     return fitted, f"its fisheye lens is fitted by OpenCV's rational one within {error_px:.2g} px"
 
@@ -83,7 +88,8 @@ def _fitted(
     if not np.isfinite(system).all():
         raise Unusable("its lens cannot be: what it does at the picture's corner is not finite")
     a1, a2, a3, b1, b2, b3 = np.linalg.lstsq(system, (told - 1) * r, rcond=None)[0]
-    ours = (1 + powers @ [a1, a2, a3]) / (1 + powers @ [b1, b2, b3])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ours = (1 + powers @ [a1, a2, a3]) / (1 + powers @ [b1, b2, b3])
     error = float(np.abs((ours - told) * r).max()) * max(intrinsics.fx, intrinsics.fy)
     size, center = (intrinsics.width, intrinsics.height), (intrinsics.cx, intrinsics.cy)
     dist = (a1, a2, *tangential, a3, b1, b2, b3)

@@ -76,7 +76,8 @@ class _Document:
         """(n, width) values of an accessor; integers that stand for fractions become floats."""
         entry = self.entry("accessors", index)
         count = _count(entry, "count")
-        if WIDTHS.get(entry.get("type", ""), 0) != width:
+        kind = entry.get("type")
+        if not isinstance(kind, str) or WIDTHS.get(kind) != width:
             raise Broken(f"accessor {index} is no {width} numbers per element")
         if "bufferView" in entry:
             values = self._view(entry, count, width)

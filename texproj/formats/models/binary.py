@@ -12,6 +12,9 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.errors import InputError
+from texproj.formats.documents import json_of
+
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 COMPONENTS = {"f4": 5126, "u4": 5125}
 
@@ -93,11 +96,13 @@ def required_extensions(path: Path) -> tuple[str, ...]:
         head = file.read(20)
         if len(head) < 20 or head[:4] != b"glTF":
             return ()
-        text = file.read(struct.unpack("<I", head[12:16])[0])
+        text = file.read(min(struct.unpack("<I", head[12:16])[0], path.stat().st_size))
     try:
-        return tuple(json.loads(text).get("extensionsRequired", ()))
-    except (ValueError, AttributeError):
+        content = json_of(text, f"{path}")
+    except InputError:
         return ()
+    names = content.get("extensionsRequired") if isinstance(content, dict) else None
+    return tuple(name for name in names if isinstance(name, str)) if isinstance(names, list) else ()
 
 
 def _length(blob: Blob) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.errors import InputError
+from texproj.formats.foreign import Broken, foreign_parser
 from texproj.mesh import ColoredMesh, TexturedMesh
 from texproj.photo import srgb_from_linear
 
@@ -16,16 +17,27 @@ from texproj.photo import srgb_from_linear
 def read_model(path: Path) -> TexturedMesh | ColoredMesh:
     """A ply with vertex colors, an obj with textures, or a glb with either.
 
-    Raises InputError for a file that is neither, and for a glb with images that cannot be read.
+    Raises InputError for a file that is neither or damaged, and for a glb with images that cannot
+    be read.
     """
+    try:
+        with foreign_parser():
+            return _read(path)
+    except Broken as error:
+        raise InputError(f"{path}: damaged ({error}); run `texproj color` again") from None
+
+
+def _read(path: Path) -> TexturedMesh | ColoredMesh:
     import trimesh  # noqa: PLC0415
 
     scene = trimesh.load_scene(path, process=False)
     if path.suffix == ".ply":
         (part,) = scene.geometry.values()
         colors = np.asarray(part.visual.vertex_colors, np.uint8)[:, :3]
-        faces = np.asarray(part.faces, np.int32)
-        return ColoredMesh(np.asarray(part.vertices, np.float64), faces, colors)
+        faces, vertices = np.asarray(part.faces, np.int32), np.asarray(part.vertices, np.float64)
+        if len(colors) != len(vertices) or not len(faces) or faces.max() >= len(vertices):
+            raise Broken("its colors do not belong to its vertices")
+        return ColoredMesh(vertices, faces, colors)
     parts = [_Part(scene, node) for node in scene.graph.nodes_geometry]
     if len(parts) == 1 and parts[0].linear is not None:
         encoded = np.round(srgb_from_linear(parts[0].linear[:, :3]) * 255).astype(np.uint8)

@@ -11,7 +11,7 @@ import numpy as np
 from texproj.errors import InputError
 from texproj.formats.foreign import Broken, foreign_parser
 from texproj.formats.photos.header import Header, quiet
-from texproj.formats.photos.raster import Raster
+from texproj.formats.photos.raster import Raster, Values
 from texproj.formats.photos.tiff import tiff_raster
 
 START_OF_SCAN, END_OF_IMAGE = 0xDA, b"\xff\xd9"
@@ -40,12 +40,28 @@ def decode(path: Path, data: bytes, header: Header, longest: int | None, what: s
 def _jpeg(data: bytes, header: Header, longest: int | None) -> Raster:
     if header.channels == 4:
         return _cmyk_jpeg(data)
-    reduced = {1: 0, 2: 16, 4: 32, 8: 64}[reduction(header, longest)]
+    if not _ends(data):
+        raise Broken("its data end early")
+    factor = reduction(header, longest)
+    pixels = _whole_jpeg(data) if factor == 1 else _reduced_jpeg(data, factor)
+    return Raster(pixels[..., :1] if header.channels == 1 else pixels)
+
+
+def _whole_jpeg(data: bytes) -> Values:
+    """(h, w, 1 or 3) pixels; bit by bit as OpenCV decodes them, in half of its memory."""
+    import imagecodecs  # noqa: PLC0415
+
+    return np.atleast_3d(imagecodecs.jpeg8_decode(data))
+
+
+def _reduced_jpeg(data: bytes, factor: int) -> Values:
+    """(h, w, 3) pixels of a picture reduced by 2, 4 or 8 in the frequencies of its blocks."""
+    reduced = {2: 16, 4: 32, 8: 64}[factor]
     flags = cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION | reduced
     pixels = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
-    if pixels is None or not _ends(data):
-        raise Broken("its data end early")
-    return Raster(pixels[..., :1] if header.channels == 1 else pixels)
+    if pixels is None:
+        raise Broken("its data cannot be decoded")
+    return pixels
 
 
 def _ends(data: bytes) -> bool:

@@ -14,7 +14,6 @@ from texproj.options import MutualInformationOptions
 from texproj.photo import Photo
 from texproj.register.information.samples import (
     Samples,
-    foreground,
     gradient_strength,
     outline_samples,
     surface_samples,
@@ -58,7 +57,7 @@ class PhotoLevel:
 
     @classmethod
     def of(cls, photo: Photo, camera: Camera, longest_px: float, gradients: bool) -> PhotoLevel:
-        """camera: of the photo, any size; longest_px: of the reduced photo."""
+        """The photo reduced. camera: of the photo, any size; longest_px: of the reduced photo."""
         photo = photo.reduced(longest_px)
         gray = cv2.GaussianBlur(photo.gray(), (0, 0), BLUR_PX)
         edges = gradient_strength(gray)
@@ -107,7 +106,9 @@ def _projected(camera: Camera, xyz_in_world: Doubles) -> Doubles:
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """xyz_in_world: (n, 3); maps: what the mesh shows there, in bins; edges: to be compared with
+    """Points of the surface that are compared with the photo in the same way.
+
+    xyz_in_world: (n, 3); maps: what the mesh shows there, in bins; edges: to be compared with
     the photo's gradients, not its gray.
     """
 
@@ -155,7 +156,7 @@ class Comparison:
         gray = level.sampled(_projected(here, surface.xyz_in_world))[:, 0]
         low, high = np.percentile(gray, (TAIL, 100 - TAIL))
         gray_range = (float(low), float(max(high, low + 1e-3)))
-        area = float(foreground(images).sum())
+        area = float(images.outside().sum())
         return cls(level, tuple(layers), area, gray_range, BINS, options.measure)
 
     @property
@@ -181,10 +182,10 @@ class Comparison:
         steps = binned(edge if layer.edges else (gray - low) / (high - low), self.bins)
         joints = [joint_histogram(steps, shown, weight) for shown in layer.maps]
         if self.measure == "normalized":
-            told = sum(normalized_mutual_information(j) - 1 for j in joints)
+            shared = sum(normalized_mutual_information(j) - 1 for j in joints)
         else:
-            told = sum(mutual_information_bits(j) for j in joints)
-        return told * float(weight.mean())
+            shared = sum(mutual_information_bits(j) for j in joints)
+        return shared * float(weight.mean())
 
 
 def _outline_layers(images: GBuffer, level: PhotoLevel, exact: bool) -> list[Layer]:

@@ -28,7 +28,10 @@ rough comparison, in pixels for an exact one."""
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """xyz_in_world: (n, 3); values: per map an (n,) float32 array in 0..1."""
+    """Points of the surface and what a rendering shows there.
+
+    xyz_in_world: (n, 3); values: per map an (n,) float32 array in 0..1.
+    """
 
     xyz_in_world: Doubles
     values: tuple[NDArray[np.float32], ...]
@@ -41,12 +44,6 @@ class Samples:
         return Samples(self.xyz_in_world[which], tuple(v[which] for v in self.values))
 
 
-def foreground(images: GBuffer) -> Mask:
-    """(h, w) where the mesh's outside is seen."""
-    solid = np.isfinite(images.require("depth"))
-    return solid if images.front is None else solid & images.front
-
-
 def surface_samples(
     images: GBuffer, camera: Camera, maps: Sequence[MapName], most: int, gradients: bool = False
 ) -> Samples:
@@ -54,7 +51,7 @@ def surface_samples(
 
     camera: of the rendering's size; gradients: the maps' gradient strengths, not their values.
     """
-    solid = foreground(images)
+    solid = images.outside()
     inner = cv2.erode(solid.astype(np.uint8), np.ones((2 * RIM_PX + 1,) * 2, np.uint8)) > 0
     y, x = _thinned(inner, most)
     xyz = images.points(camera, y, x)
@@ -71,7 +68,7 @@ def outline_samples(images: GBuffer, camera: Camera, most: int, distances: bool)
     A point beside the mesh is taken at the depth of the nearest point of the mesh, so that it
     moves with the outline.
     """
-    solid = foreground(images)
+    solid = images.outside()
     if not solid.any() or solid.all():
         return Samples(np.zeros((0, 3)), (np.zeros(0, np.float32),))
     reach = NARROW_PX if distances else WIDE * max(camera.width, camera.height)

@@ -69,7 +69,10 @@ class Task:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """camera: full size; information: bits at its end; evaluations: so far."""
+    """Where a search has come.
+
+    camera: full size; information: bits at its end; evaluations: so far.
+    """
 
     camera: Camera
     information: float
@@ -83,10 +86,10 @@ def objective(
     certain = np.log(2) * independent_samples(comparison)
 
     def value(step_px: Doubles) -> float:
-        told = certain * comparison.information(steps.at(step_px))
+        likelihood = certain * comparison.information(steps.at(step_px))
         if task.picks is None:
-            return told
-        return told - _pick_cost(task, moved(full, steps, step_px))
+            return likelihood
+        return likelihood - _pick_cost(task, moved(full, steps, step_px))
 
     return value
 

@@ -65,7 +65,9 @@ with known cameras end at 0.6 .. 0.8 full pixels of 2832 and 3072, whatever the 
 
 @dataclass(frozen=True, eq=False)
 class Refined:
-    """cameras: full size, as given where nothing could be said; thrown_out: why, by number, for
+    """Cameras that were brought to agree with each other on the surface.
+
+    cameras: full size, as given where nothing could be said; thrown_out: why, by number, for
     those that contradict the others; tied: numbers of those that were solved;
     expected_error_px, motion_px: (n,) full-size pixels, NaN where not solved; quality: for the
     report.
@@ -104,14 +106,14 @@ def refine(
     )  # fmt: skip
     pairs = choose_partners(*shared_views(start, render), options.partners)
     found = joint.search(start, pairs, options.working_px, FIRST_RADIUS_PX)
-    strangers = joint.strangers(found, options)
-    if strangers:
-        kept = [k for k in range(len(cameras)) if k not in strangers]
+    unconfirmed = joint.unconfirmed(found, options)
+    if unconfirmed:
+        kept = [k for k in range(len(cameras)) if k not in unconfirmed]
         rest = refine(
             [cameras[k] for k in kept], [sigma_px[k] for k in kept], [fixed[k] for k in kept],
             [lenses[k] for k in kept], lambda k, size: load_photo(kept[k], size), render, options,
         )  # fmt: skip
-        return _with_strangers(rest, kept, joint.given, strangers)
+        return _with_unconfirmed(rest, kept, joint.given, unconfirmed)
     confirmed = joint.confirmed(found, options)
     pairs = [(i, j) for i, j in pairs if {i, j} <= confirmed]
     now, fit, rounds = start, None, 0
@@ -169,20 +171,20 @@ class _Joint:
             found[i, j] = replace(one, ties=_at_full_size(one.ties, to_full, cameras[j]))
         return found
 
-    def strangers(self, found: dict[Pair, TieSearch], options: RefineOptions) -> dict[int, str]:
+    def unconfirmed(self, found: dict[Pair, TieSearch], options: RefineOptions) -> dict[int, str]:
         """The photo whose surface no partner confirms, if its partners are credible: another photo
         confirms one of them. One at a time, the least confirmed first.
         """
         best = _best_support(found)
         credible = self.confirmed(found, options)
-        doubted = [
+        suspects = [
             k for k in best
             if k not in credible and not self.fixed[k]
             and any(k in pair and credible & set(pair) for pair in found)
         ]  # fmt: skip
-        if not doubted:
+        if not suspects:
             return {}
-        worst = min(doubted, key=lambda k: best[k])
+        worst = min(suspects, key=lambda k: best[k])
         return {
             worst: "no other photo shows the same surface where this camera sees it (at best "
             f"{best[worst]:.0%} of the patches agree); check its picks or its start"
@@ -292,16 +294,16 @@ def _relensed(camera: Camera, lens: Intrinsics, points: Doubles) -> Camera:
     return minimize(problem, Camera(lens, camera.pose)).x
 
 
-def _with_strangers(
-    rest: Refined, kept: list[int], given: Cameras, strangers: dict[int, str]
+def _with_unconfirmed(
+    rest: Refined, kept: list[int], given: Cameras, unconfirmed: dict[int, str]
 ) -> Refined:
-    """The result of the others among all cameras: a stranger changes nothing of it."""
+    """The result of the others among all cameras: what is unconfirmed changes nothing of it."""
     cameras, nothing = list(given), np.full(len(given), np.nan)
     error, motion = nothing.copy(), nothing.copy()
     for position, k in enumerate(kept):
         cameras[k] = rest.cameras[position]
         error[k], motion[k] = rest.expected_error_px[position], rest.motion_px[position]
-    thrown_out = {**strangers, **{kept[k]: why for k, why in rest.thrown_out.items()}}
+    thrown_out = {**unconfirmed, **{kept[k]: why for k, why in rest.thrown_out.items()}}
     tied = tuple(kept[k] for k in rest.tied)
     return Refined(tuple(cameras), thrown_out, tied, error, motion, rest.quality)
 

@@ -1,4 +1,4 @@
-"""How far a solved camera may be off over the surface, told from its covariance."""
+"""Expected error of a solved camera over the surface, from its covariance."""
 
 from __future__ import annotations
 

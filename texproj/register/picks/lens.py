@@ -47,7 +47,9 @@ GROUPS = {
 
 @dataclass(frozen=True)
 class Lens:
-    """intrinsics: to start from; free: what is solved; priors: of what is or might be solved;
+    """What is taken for known of a photo's lens, and what is solved.
+
+    intrinsics: to start from; free: what is solved; priors: of what is or might be solved;
     trust: in the focal length; checked: whether picks may overrule it.
     """
 

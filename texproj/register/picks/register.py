@@ -53,12 +53,12 @@ def register_points(
     search = Search(info, picks, options, start)
     lens = lens_guess(info, prior, options)
     candidates = search.candidates(lens)
-    doubt = None
+    rival = None
     if lens.checked:
-        candidates, doubt = _overruled(search, lens, candidates)
+        candidates, rival = _overruled(search, lens, candidates)
     if not candidates:
         raise RegistrationError(check.nothing_fits(info, picks))
-    return _judged(search, lens, candidates, doubt, surface)
+    return _judged(search, lens, candidates, rival, surface)
 
 
 def _overruled(
@@ -95,14 +95,14 @@ def wrong_chance(given: Candidate, looser: Candidate) -> float:
     return float(odds / (1 + odds))
 
 
-def _doubted_error_px(best: Candidate, doubt: Candidate | None, points: Doubles) -> float:
-    """Expected error with the chance that the lens is not the one given."""
+def _error_with_rival_px(best: Candidate, rival: Candidate | None, points: Doubles) -> float:
+    """Expected error, with the chance that the lens is the rival's and not the one given."""
     error = expected_error_px(best.estimate, best.lens.free, points)
-    if doubt is None:
+    if rival is None:
         return error
-    chance = wrong_chance(best, doubt)
-    other = expected_error_px(doubt.estimate, doubt.lens.free, points)
-    apart = check.apart_px(best.estimate, doubt.estimate, points)
+    chance = wrong_chance(best, rival)
+    other = expected_error_px(rival.estimate, rival.lens.free, points)
+    apart = check.apart_px(best.estimate, rival.estimate, points)
     return float(np.sqrt((1 - chance) * error**2 + chance * (other**2 + apart**2)))
 
 
@@ -110,13 +110,13 @@ def _judged(
     search: Search,
     lens: Lens,
     candidates: list[Candidate],
-    doubt: Candidate | None,
+    rival: Candidate | None,
     surface: Doubles | None,
 ) -> Fit:
     """The best candidate as a Fit, if nothing speaks against it."""
     info, picks, best = search.info, search.picks, candidates[0]
     points = surface_points(best.estimate, surface)
-    error = _doubted_error_px(best, doubt, points)
+    error = _error_with_rival_px(best, rival, points)
     limit = search.options.max_error_percent / 100 * search.side
     check.refuse_too_few(info, picks, best)
     check.refuse_shape(info, picks, best)

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from texproj.arrays import Floats
 from texproj.camera import Camera
 from texproj.photo import Photo
 from texproj.register.proof.texture import textured
@@ -62,10 +61,8 @@ class StructureLook:
 
 def glance(camera: Camera, render: Render) -> Glance:
     """What of the mesh is in the picture."""
-    images = render(camera.scaled(GLANCE_PX / max(camera.width, camera.height)))
-    if images.depth is None:
-        return Glance(0.0, 0.0)
-    solid = np.isfinite(images.depth)
+    images = render(camera.reduced(GLANCE_PX))
+    solid = np.isfinite(images.require("depth"))
     if not solid.any() or images.front is None:
         return Glance(float(solid.mean()), 0.0)
     return Glance(float(solid.mean()), float((solid & ~images.front).sum() / solid.sum()))
@@ -98,10 +95,6 @@ def _with_open_sky(render: Render) -> Render:
 
     def bare(camera: Camera) -> GBuffer:
         images = render(camera)
-        return replace(images, ao=_ones(images))
+        return replace(images, ao=np.ones_like(images.require("depth")))
 
     return bare
-
-
-def _ones(images: GBuffer) -> Floats | None:
-    return None if images.depth is None else np.ones_like(images.depth)

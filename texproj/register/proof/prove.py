@@ -28,10 +28,10 @@ PARTNERS = 3
 """With how many others a photo is compared, from the nearest line of sight to the widest."""
 BEHIND = 0.9
 """Share of what is seen of the mesh that is seen from behind, from which on a camera is wrong."""
-LEAST_EXACT, EXACT = 0.7, 0.88
+LEAST_EXACT, EXACT = 0.5, 0.88
 """Of all patches found, the share in place below which a camera that one photo confirms is wrong
-all the same, and from which on its lens is right too. Right cameras: .90 and more; a focal length
-off by two percent: .35 to .9."""
+all the same, and from which on its lens is right too. Right cameras: .90 and more, .68 on a mesh
+of few faces; a focal length off by two percent: .35 to .9."""
 
 IN_BAD_COMPANY = (
     "it cannot be proved, and most cameras of this file that can be checked are wrong: is the file"

@@ -160,7 +160,7 @@ def _fit(
     shared = SYSTEMATIC * scatter * max(1.0, FULL_AGREEMENT / max(verdict.agreement, 0.01))
     lens = LENS[: len(uncertainty) - 6]
     expected = scale * float(np.hypot(_spread_px(fit.x, seen, uncertainty, lens), shared))
-    reason = verdict.reason or _doubt(expected, camera, options)
+    reason = verdict.reason or _too_uncertain(expected, camera, options)
     return Fit(
         camera=camera,
         method="structure",
@@ -189,7 +189,7 @@ def _spread_px(
     return float(np.sqrt(displacement_variance(jacobian, uncertainty).mean()))
 
 
-def _doubt(expected_px: float, camera: Camera, options: StructureOptions) -> str:
+def _too_uncertain(expected_px: float, camera: Camera, options: StructureOptions) -> str:
     percent = 100 * expected_px / max(camera.width, camera.height)
     if percent <= options.max_error_percent:
         return ""

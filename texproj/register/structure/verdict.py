@@ -55,12 +55,12 @@ are alike differs from its mirror image by .010 to .056, on all of seven photos,
 
 @dataclass(frozen=True)
 class Verdict:
-    """registered: believe it; reason: why not, and what to do, or what to mind.
+    """Whether a camera is to be believed.
 
-    agreement: share of fine patches found where they should be; support: the same for the
-    middle level; coverage: share of the cells with patches in which one agrees;
-    patches: how many fine patches there were; moved: mean image motion from the camera that was
-    given to the one judged, as a share of the width.
+    registered: it is; reason: why not, and what to do, or what to mind; agreement: share of fine
+    patches found where they should be; support: the same for the middle level; coverage: share of
+    the cells with patches in which one agrees; patches: how many fine patches there were; moved:
+    mean image motion from the camera that was given to the one judged, as a share of the width.
     """
 
     registered: bool

@@ -112,7 +112,7 @@ class StructureView:
     def rendering(self, camera: Camera, level: int) -> tuple[GBuffer, Field, NDArray[np.bool_]]:
         """What `camera` sees at `level`: images, orientation field, and where it counts."""
         images = self.render(self.camera_at(camera, level))
-        solid = _solid(images)
+        solid = images.outside()
         inner = _eroded(solid, max(1, RIM_PX >> level))
         channels = _channels(images)
         if self.outline:
@@ -160,12 +160,6 @@ def _channels(images: GBuffer) -> list[Floats]:
     """Normal x, y, z and ambient occlusion."""
     normal = images.require("normal")
     return [*(np.ascontiguousarray(normal[..., k]) for k in range(3)), images.require("ao")]
-
-
-def _solid(images: GBuffer) -> NDArray[np.bool_]:
-    """Where the mesh's outside is seen."""
-    solid = np.isfinite(images.require("depth"))
-    return solid if images.front is None else solid & images.front
 
 
 def _eroded(solid: NDArray[np.bool_], rim_px: int) -> NDArray[np.bool_]:

@@ -25,9 +25,12 @@ export interface Job {
   title: string;
   subject: string;
   state: "waiting" | "running" | "done" | "failed" | "cancelled";
+  stage: string;
   done: number;
   total: number;
   item: string;
+  /** Seconds until the stage is done, where that can be told. */
+  left_s: number | null;
   message: string;
 }
 
@@ -65,6 +68,8 @@ export interface Fit {
 export interface Hit {
   xyz: Vec3;
   normal: Vec3;
+  /** Whether the surface is seen from behind there. */
+  back: boolean;
 }
 
 export interface Prediction extends Hit {

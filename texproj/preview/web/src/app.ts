@@ -3,19 +3,25 @@
 import * as THREE from "three";
 import * as api from "./api.ts";
 import { byId } from "./dom.ts";
+import type { Host } from "./host.ts";
 import { LayerLoader, showLegend } from "./layers.ts";
 import type { Vec2 } from "./lens.ts";
 import { center } from "./lens.ts";
-import { notice } from "./notice.ts";
+import { lockButtons, notice, runningJob, showJob } from "./notice.ts";
 import { loadTexture } from "./overlay.ts";
 import type { Look } from "./panel.ts";
 import { LAYERS, viewPanel } from "./panel.ts";
 import { showPhotos, worstFirst } from "./photolist.ts";
+import { PickHands } from "./pickhands.ts";
 import { PickMode } from "./pickmode.ts";
+import { pickPanel } from "./pickpanel.ts";
+import { showStart } from "./startcard.ts";
 import type { Layer } from "./surface.ts";
+import type { Axis } from "./upright.ts";
+import { axisOf, guessedUp, vectorOf } from "./upright.ts";
 import { Viewport } from "./viewport.ts";
 
-export class App {
+export class App implements Host {
   readonly viewport = new Viewport(byId<HTMLCanvasElement>("model-canvas"));
   facts: api.Facts | null = null;
   chosen: string | null = null;
@@ -23,11 +29,15 @@ export class App {
     layer: "shaded", factor: "weights", exposure: 0, roughness: 0.55, light: [-0.35, 0.45], frustums: true, opacity: 1, wipe: 1,
   };
   readonly picking = new PickMode(this);
+  readonly hands = new PickHands(this.picking);
   private readonly loader = new LayerLoader(this.viewport.surface);
   private meshKey = "";
   private refreshing = false;
   private again = false;
   private overlayPhoto = "";
+  /** The layer that was asked for last; one that arrives late and is another is not shown. */
+  private wanted: Layer = "shaded";
+  private startCard = true;
 
   /** Load everything anew; whatever did not change stays as it is. */
   async refresh(): Promise<void> {
@@ -105,14 +115,33 @@ export class App {
   }
 
   async start(kind: string): Promise<void> {
-    await api.startJob(kind).catch((error: unknown) => this.complain(error));
+    notice("");
+    const job = await api.startJob(kind).catch((error: unknown) => this.complain(error));
+    if (job) showJob(job);
+    this.show();
+  }
+
+  /** Everything was made: show the model, and say what it is made of. */
+  async madeModel(job: api.Job): Promise<void> {
+    if (this.mode === "pick") this.picking.leave();
+    this.viewport.exitPhoto();
+    await this.refresh();
+    await this.setLayer(this.bestLayer());
+    this.told(job);
+  }
+
+  /** What a job has to say about its result. */
+  told(job: api.Job): void {
+    if (!job.message) return;
+    const all = this.facts?.photos.every((photo) => photo.status === "registered");
+    notice(job.message, all ? "good" : "warn");
   }
 
   change(part: Partial<Look>): void {
     const { layer, factor, ...rest } = part;
     Object.assign(this.look, rest);
     this.applyLook();
-    if (layer && layer !== this.look.layer) void this.setLayer(layer);
+    if (layer && layer !== this.wanted) void this.setLayer(layer);
     if (factor && factor !== this.look.factor) void this.setFactor(factor);
   }
 
@@ -121,12 +150,17 @@ export class App {
     if (!this.available().has(layer)) return false;
     const photo = this.chosen ?? this.viewable[0]?.name ?? null;
     if (layer === "weights" && !this.chosen) this.chosen = photo;
+    this.wanted = layer;
+    this.show();
     try {
       await this.loader.load(layer, this.facts!, photo, this.look.factor);
     } catch (error) {
+      if (this.wanted === layer) this.wanted = this.look.layer;
       this.complain(error);
+      this.show();
       return false;
     }
+    if (this.wanted !== layer) return false;
     this.look.layer = layer;
     this.viewport.surface.setLayer(layer);
     this.applyLook();
@@ -178,6 +212,15 @@ export class App {
       choose: (photo) => this.choose(photo),
     });
     this.showPanel();
+    showStart(this.facts, this.startCard && this.mode === "view" && !runningJob(), {
+      run: () => void this.start("run"),
+      pick: (photo) => void this.pick(photo),
+      close: () => {
+        this.startCard = false;
+        this.show();
+      },
+    });
+    lockButtons();
     const inPhoto = this.viewport.photoCamera !== null;
     byId("model-title").textContent = inPhoto && this.mode === "view" ? `Through ${this.chosen}` : "";
     byId("wipe").hidden = !inPhoto || this.mode === "pick";
@@ -189,10 +232,12 @@ export class App {
   private showPanel(): void {
     const parts =
       this.mode === "pick"
-        ? this.picking.panel()
-        : viewPanel(this.look, this.available(), this.photo, this.viewport.photoCamera !== null, {
+        ? pickPanel(this.picking)
+        : viewPanel(this.look, this.wanted, this.up, this.available(), this.photo, this.viewport.photoCamera !== null, {
             change: (part) => this.change(part),
             exitPhoto: () => this.exitPhoto(),
+            setUp: (axis) => this.setUp(axis),
+            roll: (degrees) => this.viewport.roll((degrees * Math.PI) / 180),
             pick: (photo) => void this.pick(photo),
           });
     byId("panel").replaceChildren(...parts);
@@ -206,7 +251,7 @@ export class App {
     overlay.setLook(this.look.opacity, this.look.wipe, this.look.exposure);
     frustums.group.visible = this.look.frustums && !this.viewport.photoCamera && this.mode === "view";
     const wipe = byId("wipe");
-    wipe.style.left = `${this.look.wipe * 100}%`;
+    wipe.style.left = `clamp(14px, ${this.look.wipe * 100}%, calc(100% - 14px))`;
     wipe.setAttribute("aria-valuenow", String(Math.round(this.look.wipe * 100)));
     this.viewport.invalidate();
   }
@@ -225,6 +270,7 @@ export class App {
     this.applyLook();
     this.show();
     document.body.dataset.ready = "true";
+    byId("loading").hidden = true;
   }
 
   /** The newer of the colored models, else bare shape. */
@@ -236,7 +282,7 @@ export class App {
 
   private title(): void {
     const { name, photos, mesh } = this.facts!;
-    document.title = `${name} \u2013 texproj`;
+    if (!document.title.includes(name)) document.title = `${name} \u2013 texproj`;
     byId("project-name").textContent = name;
     byId("project-facts").textContent = `${photos.length} photos, ${mesh.file}`;
   }
@@ -260,19 +306,44 @@ export class App {
     if (this.look.layer === "texture") await this.loader.loadLightColors();
   }
 
-  /** Look from where the photos were taken, with their upper side up. */
+  /** Look from where the photos were taken, with their upper side up; else at the front. */
   private goHome(): void {
-    const { center: middle, radius } = this.viewport.surface;
+    const { center: middle, radius, front } = this.viewport.surface;
     const cameras = this.viewable.map((photo) => photo.camera!);
     const eyes = cameras.map((camera) => new THREE.Vector3(...center(camera)).sub(middle));
-    const up = new THREE.Vector3();
-    for (const camera of cameras) up.sub(new THREE.Vector3(...camera.R[1]));
-    if (up.length() < 0.1) up.set(0, 0, 1);
+    const up = this.homeUp(cameras);
     const reach = Math.max(radius, ...eyes.map((eye) => eye.length()));
-    this.viewport.setUp(up.normalize(), reach);
+    this.viewport.setUp(up, reach);
     const best = mostCentral(eyes);
-    if (best < 0) this.viewport.lookFrom(new THREE.Vector3(1, -1, 0.6).applyQuaternion(fromZ(up)));
-    else this.viewport.lookAlong(eyes[best], new THREE.Vector3(...cameras[best].R[2]));
+    if (best >= 0) this.viewport.lookAlong(eyes[best], new THREE.Vector3(...cameras[best].R[2]));
+    else if (front) this.viewport.lookFrom(new THREE.Vector3(...front).addScaledVector(up, 0.15));
+    else this.viewport.lookFrom(new THREE.Vector3(1, -1, 0.6).applyQuaternion(fromZ(up)));
+  }
+
+  /** Up as a person chose it, else as the photos were held, else as the surface stands. */
+  private homeUp(cameras: api.PhotoFacts["camera"][]): THREE.Vector3 {
+    const chosen = localStorage.getItem(this.upKey) as Axis | null;
+    if (chosen) return new THREE.Vector3(...vectorOf(chosen));
+    const up = new THREE.Vector3();
+    for (const camera of cameras) up.sub(new THREE.Vector3(...camera!.R[1]));
+    if (up.length() > 0.1) return up.normalize();
+    return new THREE.Vector3(...vectorOf(guessedUp(this.viewport.surface.front)));
+  }
+
+  private get upKey(): string {
+    return `up of ${this.facts!.name} ${this.facts!.mesh.key}`;
+  }
+
+  /** Stand the model on another side, now and whenever this browser shows it. */
+  setUp(axis: Axis): void {
+    localStorage.setItem(this.upKey, axis);
+    this.viewport.turnUp(new THREE.Vector3(...vectorOf(axis)));
+    this.show();
+  }
+
+  /** The axis that is up now. */
+  get up(): Axis {
+    return axisOf(this.viewport.camera.up.toArray() as [number, number, number]);
   }
 
   /** After a new registration of the photo on view, look through its new camera. */

@@ -8,7 +8,7 @@ export function byId<T extends Element = HTMLElement>(id: string): T {
   return document.getElementById(id) as unknown as T;
 }
 
-/** An element; `on...` properties are listeners, others attributes (false = left out). */
+/** An element; `on...` properties are listeners, others attributes (false = left out, except aria's). */
 export function el<K extends keyof HTMLElementTagNameMap>(
   tag: K,
   props: Props = {},
@@ -32,7 +32,7 @@ function assign(element: Element, props: Props): void {
   for (const [name, value] of Object.entries(props)) {
     if (typeof value === "function") {
       element.addEventListener(name.slice(2).toLowerCase(), value as (event: Event) => void);
-    } else if (value !== false) {
+    } else if (value !== false || name.startsWith("aria-")) {
       element.setAttribute(name, String(value));
     }
   }

@@ -9,6 +9,7 @@ const KEYS: Record<string, [string[], string][]> = {
     [["F"], "see the whole model"],
     [["1", "\u2013", "8"], "choose what is shown"],
     [["C"], "show or hide the cameras"],
+    [["[", "]"], "roll the view"],
   ],
   "In a photo's view": [
     [["\u2190", "\u2192"], "previous and next photo"],

@@ -6,7 +6,8 @@ import { App } from "./app.ts";
 import { byId } from "./dom.ts";
 import { connect } from "./gestures.ts";
 import * as lens from "./lens.ts";
-import { hideJob, notice, showJob } from "./notice.ts";
+import { MAKING, tabTitle } from "./jobwords.ts";
+import { hideJob, notice, runningJob, showJob } from "./notice.ts";
 
 const app = new App();
 connect(app);
@@ -31,7 +32,10 @@ api.listen({
   },
   job(job) {
     showJob(job);
-    if (job.state === "done" && job.kind !== "layer") void app.refresh();
+    title(false);
+    if (job.state === "done" && job.kind === "run") void app.madeModel(job).then(() => title(!document.hasFocus()));
+    else if (job.state === "done" && MAKING.includes(job.kind)) void app.refresh().then(() => app.told(job));
+    else if (job.state !== "running") app.show();
     app.picking.onJob(job);
   },
   files(changed) {
@@ -43,8 +47,17 @@ api.listen({
   },
 });
 
-for (const kind of ["register", "color"]) {
+for (const kind of ["run", "register", "color"]) {
   byId(`do-${kind}`).addEventListener("click", () => void app.start(kind));
+}
+for (const button of byId("stages").querySelectorAll("button")) {
+  button.addEventListener("click", () => byId("stages").hidePopover());
+}
+addEventListener("focus", () => title(false));
+
+/** The tab tells how far the work is, and that it is done while nobody looked. */
+function title(done: boolean): void {
+  document.title = tabTitle(app.facts?.name ?? "texproj", runningJob(), done);
 }
 
 for (const tab of document.querySelectorAll<HTMLButtonElement>("#tabs button")) {

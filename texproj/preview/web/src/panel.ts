@@ -3,6 +3,8 @@
 import type { PhotoFacts } from "./api.ts";
 import { check, el, section, slider } from "./dom.ts";
 import type { Layer } from "./surface.ts";
+import type { Axis } from "./upright.ts";
+import { AXES } from "./upright.ts";
 
 export interface Look {
   layer: Layer;
@@ -44,23 +46,27 @@ export interface PanelActions {
   change(part: Partial<Look>): void;
   exitPhoto(): void;
   pick(photo: PhotoFacts): void;
+  setUp(axis: Axis): void;
+  roll(degrees: number): void;
 }
 
 export function viewPanel(
-  look: Look, available: Set<Layer>, photo: PhotoFacts | null, inPhoto: boolean, act: PanelActions,
+  look: Look, wanted: Layer, up: Axis, available: Set<Layer>, photo: PhotoFacts | null, inPhoto: boolean, act: PanelActions,
 ): HTMLElement[] {
-  const parts = [layerSection(look, available, act), toneSection(look, act)];
+  const parts = [layerSection(look, wanted, available, act), toneSection(look, act)];
+  if (!inPhoto) parts.push(uprightSection(up, act));
   if (look.layer === "shaded") parts.push(lightSection(look, act));
   if (photo) parts.unshift(photoSection(look, photo, inPhoto, act));
   return parts;
 }
 
-function layerSection(look: Look, available: Set<Layer>, act: PanelActions): HTMLElement {
+function layerSection(look: Look, wanted: Layer, available: Set<Layer>, act: PanelActions): HTMLElement {
   const buttons = LAYERS.map(({ layer, name, what }) => {
     const button = el(
       "button",
       {
-        type: "button", role: "radio", title: what, "data-layer": layer, "aria-checked": look.layer === layer,
+        type: "button", role: "radio", title: what, "data-layer": layer, "aria-checked": wanted === layer,
+        "aria-busy": wanted === layer && look.layer !== layer,
         onclick: () => act.change({ layer }),
       },
       name,
@@ -93,6 +99,21 @@ function toneSection(look: Look, act: PanelActions): HTMLElement {
     "Picture",
     slider("Exposure", { min: -4, max: 4, step: 0.1, value: look.exposure }, say, (exposure) => act.change({ exposure })),
     check("Cameras", look.frustums, (frustums) => act.change({ frustums })),
+  );
+}
+
+function uprightSection(up: Axis, act: PanelActions): HTMLElement {
+  const axes = AXES.map((axis) =>
+    el("button", {
+      type: "button", role: "radio", "data-up": axis, "aria-checked": axis === up, onclick: () => act.setUp(axis),
+    }, axis.replace("-", "\u2212")),
+  );
+  const roll = (words: string, degrees: number) =>
+    el("button", { type: "button", "aria-label": `Roll by ${degrees} degrees`, onclick: () => act.roll(degrees) }, words);
+  return section(
+    "Up axis",
+    el("div", { class: "axes", role: "radiogroup", "aria-label": "Up axis" }, ...axes),
+    el("div", { class: "button-row" }, roll("\u21ba 15\u00b0", -15), roll("Turn over", 180), roll("\u21bb 15\u00b0", 15)),
   );
 }
 

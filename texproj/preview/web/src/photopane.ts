@@ -70,6 +70,13 @@ export class PhotoPane {
     this.moved();
   }
 
+  /** Bring a photo pixel into the middle, at least so large. */
+  show(uv: Vec2, scale: number): void {
+    this.middle = uv;
+    this.scale = Math.max(this.scale, scale);
+    this.moved();
+  }
+
   /** Go to a photo pixel and scale without telling anybody. */
   follow(middle: Vec2, scale: number): void {
     this.middle = middle;

@@ -1,10 +1,10 @@
 // Mouse and keys of picking.
 
 import { byId } from "./dom.ts";
-import { at as placeOf, onClick, onPanZoom } from "./gestures.ts";
 import type { Vec2 } from "./lens.ts";
 import { notice } from "./notice.ts";
 import { showHelp } from "./help.ts";
+import { at as placeOf, onClick, onPanZoom } from "./pointer.ts";
 import type { PickMode, Side } from "./pickmode.ts";
 
 const LOUPE_ZOOM = 4;
@@ -23,7 +23,7 @@ interface Drag {
 }
 
 export class PickHands {
-  dragged: Drag | null = null;
+  private dragged: Drag | null = null;
   private side: Side = "photo";
   private loupeTimer = 0;
   private asking = false;
@@ -93,6 +93,7 @@ export class PickHands {
     (event.currentTarget as HTMLElement).setPointerCapture(event.pointerId);
     const offset: Vec2 = [mark.at[0] - at[0], mark.at[1] - at[1]];
     this.dragged = { side, name: mark.pick.name, started: false, from: at, offset };
+    this.mode.dragging = true;
     this.mode.select(mark.pick.name);
   }
 
@@ -111,6 +112,7 @@ export class PickHands {
     if (!drag) return;
     event.stopPropagation();
     this.dragged = null;
+    this.mode.dragging = false;
     if (drag.started) this.mode.settle();
   }
 
@@ -124,7 +126,7 @@ export class PickHands {
     this.asking = true;
     const found = await this.mode.app.hit(at);
     this.asking = false;
-    if (found) this.mode.move(drag.name, { xyz: found.xyz, normal: found.normal }, false);
+    if (found && !found.back) this.mode.move(drag.name, { xyz: found.xyz, normal: found.normal }, false);
     if (found && this.dragged !== drag) this.mode.settle();
   }
 
@@ -132,8 +134,9 @@ export class PickHands {
     if (side === "photo") this.mode.place(side, this.mode.pane.toPhoto(at), null);
     else {
       const found = await this.mode.app.hit(at);
-      if (found) this.mode.place(side, null, found);
-      else notice("There is no surface there: click on the model.");
+      if (!found) notice("There is no surface there: click on the model.");
+      else if (found.back) notice("That is the back of the surface, drawn dark: turn the model and click on its front.");
+      else this.mode.place(side, null, found);
     }
   }
 
@@ -165,7 +168,7 @@ export class PickHands {
     }
     const at = mode.app.viewport.toScreen(pick.xyz!);
     const found = at && (await mode.app.hit([at[0] + dx, at[1] + dy]));
-    if (found) mode.move(name, { xyz: found.xyz, normal: found.normal });
+    if (found && !found.back) mode.move(name, { xyz: found.xyz, normal: found.normal });
   }
 
   private moveCursor(dx: number, dy: number): void {

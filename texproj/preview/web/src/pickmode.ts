@@ -1,15 +1,13 @@
 // Picking: photo on the left, model on the right, pairs of points between them.
 
 import * as api from "./api.ts";
-import type { App } from "./app.ts";
 import { byId } from "./dom.ts";
+import type { Host } from "./host.ts";
 import type { Camera, Vec2, Vec3 } from "./lens.ts";
 import { project } from "./lens.ts";
 import type { Mark } from "./marks.ts";
 import { drawMarks, magnification, markUnder } from "./marks.ts";
 import { PhotoPane } from "./photopane.ts";
-import { PickHands } from "./pickhands.ts";
-import { pickPanel } from "./pickpanel.ts";
 import type { Pick, Picks } from "./picks.ts";
 import { pixelOfWindow, windowAt } from "./view.ts";
 import { freeName, fromSaved, History, isPair, merged, pairs, put, same, without } from "./picks.ts";
@@ -17,6 +15,8 @@ import { freeName, fromSaved, History, isPair, merged, pairs, put, same, without
 export type Side = "photo" | "model";
 
 const FIT_FROM = 4;
+/** Screen pixels per photo pixel at which a residual of one pixel can be judged. */
+const CLOSE_SCALE = 1.5;
 const FIT_PAUSE_MS = 120;
 
 export class PickMode {
@@ -36,28 +36,24 @@ export class PickMode {
   before: Camera | null = null;
   showBefore = false;
   cursors: Record<Side, Vec2 | null> = { photo: null, model: null };
-  readonly hands: PickHands;
+  /** Whether a mark is held by the mouse. */
+  dragging = false;
   private base: Picks = [];
   private version = "";
   private busy = false;
   private fitTimer = 0;
   private fitNumber = 0;
 
-  constructor(readonly app: App) {
+  constructor(readonly app: Host) {
     this.pane.onDraw = () => this.drawPhotoMarks();
     this.pane.onMove = () => this.linkModel();
     app.viewport.onFrame = () => this.drawModelMarks();
     app.viewport.onResize = () => this.linkModel();
     app.viewport.onWindow = () => this.linkPhoto();
-    this.hands = new PickHands(this);
   }
 
   get active(): boolean {
     return document.body.dataset.mode === "pick";
-  }
-
-  get dragging(): boolean {
-    return this.hands?.dragged != null;
   }
 
   get picks(): Picks {
@@ -96,7 +92,7 @@ export class PickMode {
     drawMarks(byId("model-marks"), [], null);
     this.photo = null;
     this.app.viewport.exitPhoto();
-    this.app.applyLook();
+    this.app.change({ opacity: 1 }); // of picking, where the model is seen below the photo
     this.app.show();
   }
 
@@ -165,6 +161,16 @@ export class PickMode {
     this.app.show();
   }
 
+  /** Select a pick and bring it into the middle of both pictures. */
+  flyTo(name: string): void {
+    this.select(name);
+    const pick = this.selectedPick;
+    if (!pick) return;
+    if (pick.uv) this.pane.show(pick.uv, CLOSE_SCALE);
+    const { viewport } = this.app;
+    if (pick.xyz && !(viewport.photoCamera && this.linked && pick.uv)) viewport.showPoint(pick.xyz);
+  }
+
   step(direction: 1 | -1): void {
     const names = this.picks.map((pick) => pick.name);
     if (!names.length) return;
@@ -205,14 +211,6 @@ export class PickMode {
     this.photo = this.app.photo;
     await this.save();
     await this.reload();
-  }
-
-  key(event: KeyboardEvent): boolean {
-    return this.hands.key(event);
-  }
-
-  panel(): HTMLElement[] {
-    return pickPanel(this);
   }
 
   marks(side: Side): Mark[] {

@@ -15,8 +15,8 @@ export function pickPanel(mode: PickMode): HTMLElement[] {
 function stateSection(mode: PickMode): HTMLElement {
   const { kind, words } = verdict(mode);
   const count = mode.picks.filter(isPair).length;
-  const solve = el("button", { type: "button", class: "main", id: "solve", onclick: () => void mode.solve() }, "Solve camera");
-  solve.disabled = count < 4;
+  const solve = el("button", { type: "button", class: "main", id: "solve", "data-starts": "solve", "data-busy": "Solving\u2026", onclick: () => void mode.solve() }, "Solve camera");
+  solve.dataset.off = String(count < 4);
   const leave = el("button", { type: "button", id: "leave-pick", onclick: () => mode.leave() }, "Done");
   return section(
     "Picking",
@@ -59,11 +59,21 @@ function pairsSection(mode: PickMode): HTMLElement {
   const redo = el("button", { type: "button", id: "redo", onclick: () => mode.redo() }, "Redo");
   undo.disabled = !mode.history.canUndo;
   redo.disabled = !mode.history.canRedo;
-  const head = el("tr", {}, el("th", {}, "Point"), el("th", {}, "Residual"), el("th", {}));
-  const rows = mode.picks.map((pick) => rowOf(mode, pick));
+  const head = el("tr", {}, el("th", {}, "Point"), el("th", {}, "Residual"), el("td", {}));
+  const rows = worstFirst(mode).map((pick) => rowOf(mode, pick));
   const table = el("table", { class: "pairs" }, el("thead", {}, head), el("tbody", {}, ...rows));
   const body = rows.length ? table : el("p", { class: "hint" }, "No points yet.");
   return section("Points", body, el("div", { class: "button-row" }, undo, redo));
+}
+
+/** What is half set first, then by residual, the largest first; in their order before a fit. */
+function worstFirst({ picks, fit }: PickMode): Pick[] {
+  const residual = (pick: Pick) => {
+    if (!isPair(pick)) return Infinity;
+    return fit?.residual_px[fit.names.indexOf(pick.name)] ?? 0;
+  };
+  const by = (a: number, b: number) => (a === b ? 0 : b - a);
+  return [...picks].sort((a, b) => by(residual(a), residual(b)));
 }
 
 function rowOf(mode: PickMode, pick: Pick): HTMLElement {
@@ -81,8 +91,8 @@ function rowOf(mode: PickMode, pick: Pick): HTMLElement {
   return el(
     "tr",
     {
-      class: outlier ? "outlier" : "", "data-pick": pick.name, "aria-selected": pick.name === mode.selected,
-      onclick: () => mode.select(pick.name),
+      class: outlier ? "outlier" : "", "data-pick": pick.name, "aria-current": pick.name === mode.selected,
+      title: "Go there", onclick: () => mode.flyTo(pick.name),
     },
     el("td", {}, pick.name), el("td", { class: isPair(pick) ? "" : "open" }, words), el("td", {}, remove),
   );

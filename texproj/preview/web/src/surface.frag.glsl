@@ -76,7 +76,7 @@ vec4 surfaceColor() {
 }
 
 vec3 picture() {
-  vec3 n = normalize(gl_FrontFacing ? vNormalInView : -vNormalInView);
+  vec3 n = normalize(vNormalInView);
   if (mode == 1) return encoded(shaded(n));
   if (mode == 2) return normalize(vNormal) * 0.5 + 0.5;
   if (mode == 3) return vValue < 0.0 ? unseen() : encoded(vec3(vValue) * exposure);
@@ -86,6 +86,12 @@ vec3 picture() {
   return color.a < 0.5 ? unseen() : encoded(color.rgb * exposure);
 }
 
+// Backs of faces are dark in every layer, so that nobody picks there or takes them for the surface.
+vec3 behind() {
+  vec3 n = normalize(-vNormalInView);
+  return vec3(0.05 + 0.05 * max(n.z, 0.0));
+}
+
 void main() {
-  pixel = vec4(picture(), 1.0);
+  pixel = vec4(gl_FrontFacing ? picture() : behind(), 1.0);
 }

@@ -3,9 +3,11 @@
 import * as THREE from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import type { Pack } from "./api.ts";
+import type { Vec3 } from "./lens.ts";
 import { PALETTE, RAMP, rampTexture } from "./ramps.ts";
 import fragmentShader from "./surface.frag.glsl";
 import vertexShader from "./surface.vert.glsl";
+import { frontOf } from "./upright.ts";
 
 export type Layer = "color" | "texture" | "shaded" | "normals" | "ao" | "coverage" | "source" | "weights";
 
@@ -19,6 +21,8 @@ export class Surface {
   center = new THREE.Vector3();
   radius = 1;
   faces = 0;
+  /** The side that most of the surface faces, null for one that faces all sides. */
+  front: Vec3 | null = null;
   layer: Layer = "shaded";
   private full: THREE.Mesh | null = null;
   private light: THREE.Mesh | null = null;
@@ -34,6 +38,7 @@ export class Surface {
     const sphere = this.full.geometry.boundingSphere!;
     this.radius = Math.max(sphere.radius, 1e-9);
     this.faces = pack.arrays.faces.length / 3;
+    this.front = frontOf(pack.arrays.positions, pack.arrays.faces);
     this.setMoving(false);
   }
 

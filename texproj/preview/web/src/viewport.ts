@@ -27,6 +27,8 @@ const STEP_BACK = 0.6;
 /** How far the first view is moved up and aside, so that the cameras do not hide the model. */
 const RAISE_RAD = 0.16;
 const ASIDE_RAD = 0.5;
+/** Cosine of the angle to the vertical beyond which a view is as good as from above. */
+const STEEP = 0.97;
 
 export class Viewport {
   readonly surface = new Surface();
@@ -98,6 +100,31 @@ export class Viewport {
     this.controls = this.newControls();
   }
 
+  /** Another way up, seen from the same side: what was level stays in the picture. */
+  turnUp(up: THREE.Vector3): void {
+    if (this.photoCamera) this.leavePhoto();
+    const target = this.controls.target.clone();
+    const away = this.camera.position.clone().sub(target);
+    const distance = away.length();
+    if (Math.abs(away.clone().normalize().dot(up)) > STEEP) {
+      away.addScaledVector(up, -away.dot(up) * 0.7).add(this.camera.up.clone().multiplyScalar(distance * 0.5));
+    }
+    this.camera.up.copy(up);
+    this.controls.dispose();
+    this.controls = this.newControls();
+    this.controls.target.copy(target);
+    this.camera.position.copy(target).addScaledVector(away.normalize(), distance);
+    this.controls.update();
+    this.moved();
+  }
+
+  /** Turn the picture by an angle, radians; what is up from now on lies in the picture's plane. */
+  roll(angle: number): void {
+    const forward = new THREE.Vector3(0, 0, -1).applyQuaternion(this.camera.quaternion);
+    const up = new THREE.Vector3(0, 1, 0).applyQuaternion(this.camera.quaternion);
+    this.turnUp(up.applyAxisAngle(forward, angle).normalize());
+  }
+
   /** Look from somewhat behind `eye` along `forward`, as a photographer stepping back. */
   lookAlong(eye: THREE.Vector3, forward: THREE.Vector3): void {
     this.leavePhoto();
@@ -159,6 +186,16 @@ export class Viewport {
     this.controls.target.copy(point);
     this.controls.update();
     this.fly(from, this.orbitPose(), () => undefined);
+  }
+
+  /** Bring a world point into the middle of the view. */
+  showPoint(world: Vec3): void {
+    if (!this.photoCamera) {
+      this.turnAbout(new THREE.Vector3(...world).sub(this.surface.center));
+      return;
+    }
+    const at = this.toScreen(world);
+    if (at) this.panPhoto(this.size[0] / 2 - at[0], this.size[1] / 2 - at[1]);
   }
 
   /** Show the whole photo. */

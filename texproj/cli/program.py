@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 from collections.abc import Sequence
@@ -9,13 +10,18 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError
 
 from texproj.cli import talk
-from texproj.cli.exits import DONE, INTERRUPTED, UNUSABLE
+from texproj.cli.exits import DONE, UNUSABLE
 from texproj.errors import TexprojError
 from texproj.stages.progress import Cancelled
 
+LOG = logging.getLogger("texproj")
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line `arguments` (those of the process by default); return the exit code."""
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line `arguments` (those of the process by default); return the exit code.
+
+    Raises KeyboardInterrupt where somebody asked to stop.
+    """
     from texproj.cli.commands import app  # noqa: PLC0415 - keeps `import texproj.cli` light
 
     words = list(sys.argv[1:] if arguments is None else arguments)
@@ -45,9 +51,10 @@ def _call(app: App, words: list[str]) -> int:
         return _refuse(words, _told(error))
     except MemoryError:
         return _refuse(words, "not enough memory; close other programs, or use smaller photos")
-    except (KeyboardInterrupt, Cancelled):
-        talk.complain("stopped; the next run goes on where this one was")
-        return INTERRUPTED
+    except Cancelled:
+        raise KeyboardInterrupt from None
+    except Exception as error:  # noqa: BLE001 - a person is told, the log has the traceback
+        return _refuse(words, _fault(error))
     return result if isinstance(result, int) else DONE
 
 
@@ -56,6 +63,15 @@ def _refuse(words: list[str], sentence: str) -> int:
         talk.say_json({"error": sentence})
     talk.complain(" ".join(sentence.split()))
     return UNUSABLE
+
+
+def _fault(error: Exception) -> str:
+    """What nobody foresaw, for people; the traceback for those who asked for details."""
+    LOG.info("internal fault", exc_info=error)
+    return (
+        f"internal fault ({type(error).__name__}: {error}), please report; details in"
+        " work/log/texproj.log of the project, or with -v"
+    )
 
 
 def _lacking(package: str) -> str:

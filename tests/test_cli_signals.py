@@ -1,0 +1,103 @@
+"""Stopping is answered in a sentence at any moment; commands that read write nothing."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from texproj.cli import main
+
+
+def listing(folder):
+    """Every file with its time, so that a rewrite shows too."""
+    return {str(p.relative_to(folder)): p.stat().st_mtime_ns for p in sorted(folder.rglob("*"))}
+
+
+def started(*words):
+    return subprocess.Popen(
+        [sys.executable, "-m", "texproj", *map(str, words)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+@pytest.mark.parametrize("asked", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("seconds", [0.3, 1.5])
+def test_whoever_stops_a_run_is_answered(project_folder, asked, seconds):
+    """Also while modules are loaded; a run that was quicker has ended with 0."""
+    process = started("run", project_folder)
+    time.sleep(seconds)
+    process.send_signal(asked)
+    _, said = process.communicate(timeout=60)
+
+    assert "Traceback" not in said
+    assert process.returncode in (130, 0, -asked)
+    if process.returncode == 130:
+        assert "stopped; the next run goes on" in said
+    if process.returncode == -asked:
+        assert seconds < 1, "only before the program has begun"
+
+
+@pytest.mark.parametrize("command", [["status"], ["export", "--format", "colmap", "--to", "x"]])
+def test_commands_that_read_write_nothing_into_the_project(
+    project_folder, tmp_path, monkeypatch, command
+):
+    """Nor do they take away what somebody is at work on."""
+    monkeypatch.chdir(tmp_path)
+    unfinished = project_folder / "out" / ".unfinished-abc"
+    unfinished.mkdir(parents=True)
+    (unfinished / "model.ply").write_text("half")
+    os.utime(unfinished, (0, 0))
+    before = listing(project_folder)
+
+    main([command[0], str(project_folder), *command[1:]])
+
+    assert listing(project_folder) == before
+
+
+def test_what_nothing_uses_is_told_and_logged(project_folder, capsys):
+    """A mask of no photo, by status and by a command that works."""
+    (project_folder / "masks").mkdir(exist_ok=True)
+    (project_folder / "masks" / "nobody.png").write_bytes(b"x")
+
+    main(["status", str(project_folder)])
+    assert "nobody.png is ignored: it belongs to no photo" in capsys.readouterr().err
+
+    main(["report", str(project_folder)])
+    assert "nobody.png is ignored" in capsys.readouterr().err
+    log = (project_folder / "work" / "log" / "texproj.log").read_text()
+    assert "nobody.png is ignored" in log
+    assert "report (texproj" in log
+
+
+def test_what_nobody_foresaw_is_a_sentence_and_a_traceback_in_the_log(
+    project_folder, capsys, monkeypatch
+):
+    """A fault of the program itself."""
+
+    def fault(*_):
+        raise ZeroDivisionError("inner")
+
+    monkeypatch.setattr("texproj.stages.reporting.report_project", fault)
+    assert main(["report", str(project_folder)]) == 2
+
+    said = capsys.readouterr().err
+    assert "internal fault (ZeroDivisionError: inner), please report" in said
+    assert "Traceback" not in said
+    log = (project_folder / "work" / "log" / "texproj.log").read_text()
+    assert "Traceback" in log
+    assert "ZeroDivisionError" in log
+
+
+def test_a_bundle_is_written_where_one_stands(project_folder, tmp_path, monkeypatch, capsys):
+    """`doctor --bundle` names the file and what it does not hold."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["doctor", "--bundle", str(project_folder)]) == 0
+
+    assert "no photo, no mask, no mesh" in capsys.readouterr().out
+    assert Path("stele-report.zip").is_file()

@@ -1,0 +1,24 @@
+// What picking needs of the page that it is a part of.
+
+import type { Hit, PhotoFacts } from "./api.ts";
+import type { Vec2 } from "./lens.ts";
+import type { Look } from "./panel.ts";
+import type { Viewport } from "./viewport.ts";
+
+export interface Host {
+  readonly viewport: Viewport;
+  readonly look: Look;
+  /** The chosen photo as the server knows it now. */
+  readonly photo: PhotoFacts | null;
+  /** Change what is shown. */
+  change(part: Partial<Look>): void;
+  applyLook(): void;
+  /** Draw lists and panels anew. */
+  show(): void;
+  refresh(): Promise<void>;
+  /** Say what the server refused. */
+  complain(error: unknown): void;
+  /** The model point under a point of the canvas. */
+  hit(at: Vec2): Promise<Hit | null>;
+  loadOverlay(photo: string): Promise<void>;
+}
