@@ -279,10 +279,6 @@ export class Viewport {
     return caster;
   }
 
-  private get aspect(): number {
-    return Math.max(this.size[0], 1) / Math.max(this.size[1], 1);
-  }
-
   private orbitAbout(up: THREE.Vector3): void {
     this.camera.up.copy(up);
     this.controls.dispose();
@@ -324,7 +320,7 @@ export class Viewport {
 
   private currentSides(): Sides {
     if (this.photoCamera) return sidesOfWindow(this.window, this.size);
-    return sidesOfAngle(FIELD_OF_VIEW_DEG, this.aspect);
+    return sidesOfAngle(FIELD_OF_VIEW_DEG, this.camera.aspect);
   }
 
   private pose(): Pose {
