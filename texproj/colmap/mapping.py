@@ -4,6 +4,7 @@ revisited", CVPR 2016), with what a handful of photos needs.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,10 +19,13 @@ FEW = 5
 """Photos up to which less is asked of a beginning and of each photo."""
 FREED_FROM = 8
 """Photos of one lens from which its principal point is solved too ..."""
-CLEARLY_BETTER = 0.98
-"""... and kept if the points' mean error falls to this part of what it was, or below."""
-FARTHEST_MIDDLE = 0.05
-"""Distance of a principal point from the middle, widths, beyond which it is not believed."""
+CENTER_SIGMA = 0.02
+"""... with this deviation from the middle as a prior, widths, and kept if ..."""
+CLEAR_GAIN = 20.0
+"""... the gain is so large: chi-square of two degrees of freedom beyond which chance lies once in
+twenty thousand times; ..."""
+CORRELATED = 20.0
+"""... so many residuals share an error."""
 
 
 def mapped(task: Task, calibrated: set[int], told: Callable[[int], None]) -> tuple[Model, ...]:
@@ -68,33 +72,48 @@ def _options(task: Task, calibrated: set[int]) -> Any:
 
 
 def _with_principal_points(model: Any, task: Task) -> Any:
-    """The model with solved principal points if enough photos tell them clearly, else as it is."""
-    numbers: dict[int, int] = {}
-    for image in _placed(model):
-        numbers[image.camera_id] = numbers.get(image.camera_id, 0) + 1
-    if min(numbers.values(), default=0) < FREED_FROM:
+    """The model with solved principal points where the photos tell them clearly."""
+    images = _placed(model)
+    calibrated = {key for key, lens in zip(task.keys, task.lens_of, strict=True)
+                  if task.lenses[lens].intrinsics is not None}  # fmt: skip
+    numbers = Counter(image.camera_id for image in images if image.name not in calibrated)
+    many = {camera for camera, number in numbers.items() if number >= FREED_FROM}
+    if not many:
         return model
-    if any(lens.intrinsics is not None for lens in task.lenses):
-        return model
-    freed = pycolmap.Reconstruction(model)
+    held, freed = _adjusted(model, many, False), _adjusted(model, many, True)
+    residuals = 2 * freed.compute_num_observations()
+    gain = residuals * (_cost(held) / _cost(freed) - 1) / CORRELATED
+    shift2 = sum(_shift2(freed.cameras[camera]) for camera in many)
+    return freed if gain - shift2 / CENTER_SIGMA**2 > CLEAR_GAIN else model
+
+
+def _adjusted(model: Any, many: set[int], free_center: bool) -> Any:
+    """The model after a last bundle adjustment in which the lenses of `many` photos may change."""
+    model = pycolmap.Reconstruction(model)
+    config = pycolmap.BundleAdjustmentConfig()
+    for image in model.reg_image_ids():
+        config.add_image(image)
+    for camera in set(model.cameras) - many:
+        config.set_constant_cam_intrinsics(camera)
+    config.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
     options = pycolmap.BundleAdjustmentOptions()
-    options.refine_principal_point = True
+    options.refine_principal_point = free_center
     options.print_summary = False
-    pycolmap.bundle_adjustment(freed, options)
-    before, after = (m.compute_mean_reprojection_error() for m in (model, _updated(freed)))
-    inside = all(_near_middle(camera) for camera in freed.cameras.values())
-    return freed if inside and after <= CLEARLY_BETTER * before else model
-
-
-def _updated(model: Any) -> Any:
+    pycolmap.create_default_bundle_adjuster(options, config, model).solve()
     model.update_point_3d_errors()
     return model
 
 
-def _near_middle(camera: Any) -> bool:
-    gap = (camera.principal_point_x / camera.width - 0.5) ** 2
-    gap += ((camera.principal_point_y - camera.height / 2) / camera.width) ** 2
-    return bool(gap < FARTHEST_MIDDLE**2)
+def _cost(model: Any) -> float:
+    """Sum of squared reprojection errors, each point's mean taken for all its sightings."""
+    return sum(point.error**2 * point.track.length() for point in model.points3D.values())
+
+
+def _shift2(camera: Any) -> float:
+    """Squared distance of the principal point from the middle, widths."""
+    x = camera.principal_point_x - camera.width / 2
+    y = camera.principal_point_y - camera.height / 2
+    return float((x**2 + y**2) / camera.width**2)
 
 
 def _placed(model: Any) -> list[Any]:

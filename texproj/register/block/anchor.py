@@ -106,7 +106,7 @@ def anchored(block: Reconstruction, anchors: Sequence[Anchor], seed: int = 0) ->
         )
     near = NEARBY * max(anchor.camera.width for anchor in anchors)
     place, scale = _settled(_best_triple(pairs, near, np.random.default_rng(seed)), pairs, near)
-    agree = pairs.offset_px(place) < OUTSIDE * scale
+    agree = pairs.offset_px(place) < min(near, OUTSIDE * scale)
     if agree.mean() < LEAST_SHARE or agree.sum() < LEAST_PAIRS:
         raise RegistrationError(
             f"the photos' points and the mesh where {_names(anchors)} shows it differ in shape; "
@@ -142,10 +142,12 @@ def _pairs_of(block: Reconstruction, anchor: Anchor, row: int, good: Bools) -> _
 def _best_triple(pairs: _Pairs, near: float, rng: np.random.Generator) -> Similarity:
     """The place from three pairs with which most others agree (MSAC)."""
     judges = pairs[rng.permutation(len(pairs))[:JUDGES]]
-    triples = (pairs[rng.choice(len(pairs), 3, replace=False)] for _ in range(TRIPLES))
-    tried = [_fitted(triple, np.ones(3)) for triple in triples]
-    costs = [np.minimum(judges.offset_px(place) ** 2, near**2).mean() for place in tried]
-    return tried[int(np.argmin(costs))]
+    rows = rng.integers(len(pairs), size=(TRIPLES, 3))
+    scale, R, t = _fits(pairs.block[rows], pairs.world[rows], np.ones((TRIPLES, 3)))
+    placed = scale[:, None, None] * judges.block @ R.transpose(0, 2, 1) + t[:, None]
+    offset2 = ((placed - judges.world) ** 2).sum(axis=2) * judges.px**2
+    best = int(np.minimum(offset2, near**2).mean(axis=1).argmin())
+    return Similarity(float(scale[best]), R[best], t[best])
 
 
 def _settled(place: Similarity, pairs: _Pairs, near: float) -> tuple[Similarity, float]:
@@ -153,7 +155,7 @@ def _settled(place: Similarity, pairs: _Pairs, near: float) -> tuple[Similarity,
     scale = near / 2
     for _ in range(ROUNDS):
         offset = pairs.offset_px(place)
-        close = offset < max(near, OUTSIDE * scale)
+        close = offset < near
         if close.sum() < 3:
             break
         scale = max(LEAST_SCALE_PX, float(np.median(offset[close])))
@@ -163,14 +165,25 @@ def _settled(place: Similarity, pairs: _Pairs, near: float) -> tuple[Similarity,
 
 def _fitted(pairs: _Pairs, weight: Doubles) -> Similarity:
     """The similarity of least weighted squares."""
-    weight = weight / weight.sum()
-    middle, there = weight @ pairs.block, weight @ pairs.world
-    a, b = pairs.block - middle, pairs.world - there
-    u, d, vt = np.linalg.svd((b * weight[:, None]).T @ a)
-    flip = np.array([1, 1, np.sign(np.linalg.det(u) * np.linalg.det(vt)) or 1.0])
-    R = (u * flip) @ vt
-    scale = float((d * flip).sum() / max(weight @ (a**2).sum(axis=1), 1e-300))
-    return Similarity(scale, R, there - scale * R @ middle)
+    scale, R, t = _fits(pairs.block[None], pairs.world[None], weight[None])
+    return Similarity(float(scale[0]), R[0], t[0])
+
+
+def _fits(block: Doubles, world: Doubles, weight: Doubles) -> tuple[Doubles, Doubles, Doubles]:
+    """Scales (h,), R (h, 3, 3), t (h, 3) of least weighted squares for h sets of n pairs.
+
+    block, world: (h, n, 3); weight: (h, n). Umeyama's equations 38 to 42, weighted.
+    """
+    weight = weight / weight.sum(axis=1, keepdims=True)
+    middle, there = (np.einsum("hn,hni->hi", weight, xyz) for xyz in (block, world))
+    a, b = block - middle[:, None], world - there[:, None]
+    u, d, vt = np.linalg.svd(np.einsum("hn,hni,hnj->hij", weight, b, a))
+    flip = np.ones_like(d)
+    flip[:, 2] = np.where(np.linalg.det(u) * np.linalg.det(vt) < 0, -1.0, 1.0)
+    R = (u * flip[:, None]) @ vt
+    spread = np.einsum("hn,hni->h", weight, a**2)
+    scale = (d * flip).sum(axis=1) / np.maximum(spread, 1e-300)
+    return scale, R, there - scale[:, None] * np.einsum("hij,hj->hi", R, middle)
 
 
 def _concluded(
