@@ -41,6 +41,7 @@ VIEWS = (
 PICKED, PICKS, PICK_SIGMA_PX = 2, 10, 0.7
 ROUGH, ROUGH_PX = 0, 12.0
 PAINT, STONE = 0.5, np.asarray(LIMESTONE, np.float32)
+"""Share of the paint that is left, and what is under it."""
 SETTINGS = """\
 # Settings of this project. Every key is optional; `texproj COMMAND --help` lists them all.
 mesh = "mesh/scan.ply"

@@ -392,6 +392,29 @@ def test_the_picture_tells_how_upside_down_photos_were_meant(ignored, project_fo
         np.testing.assert_allclose(entries[name].pose.R, camera.pose.R, atol=1e-9)
 
 
+@pytest.mark.parametrize("painted_on", ["upright", "stored"])
+def test_a_mask_of_the_stored_picture_is_told(painted_on, project_folder, tmp_path):
+    """The outline of the piece as it lies in an upside-down file fits the mesh only turned: the
+    import says what to do; the outline of the upright picture is fine.
+    """
+    project, cameras = truth_of(project_folder)
+    lying(project.root, 3)
+    name = next(iter(cameras))
+    k = cameras[name].intrinsics
+    outline = np.zeros((k.height, k.width), np.uint8)
+    points = cameras[name].project(project.load_mesh().mesh.vertices)[0]
+    hull = cv2.convexHull(points[np.isfinite(points).all(axis=1)].astype(np.int32))
+    cv2.fillConvexPoly(outline, hull, 255)
+    turned = outline[::-1, ::-1] if painted_on == "stored" else outline
+    (project.root / "masks").mkdir(exist_ok=True)
+    path = project.root / "masks" / f"{name.partition('.')[0]}.png"
+    cv2.imwrite(str(path), turned)
+    outcome = take(Project.open(project.root), file_of(tmp_path, cameras))
+
+    told = "mask" in outcome.notes.get(name, "")
+    assert told == (painted_on == "stored")
+
+
 def test_one_photo_tells_what_the_program_did_with_all(project, tmp_path):
     """A photo of orientation 6 has another shape lying than upright: what the program did with it
     decides for the upside-down ones, on black photos too.

@@ -422,3 +422,20 @@ def test_a_six_megapixel_jpeg_takes_a_fraction_of_a_second(real_data):
     reduced = read(path, longest=768)
     whole = cv2.resize(photo.pixels, (768, 512), interpolation=cv2.INTER_AREA)
     assert np.abs(reduced.pixels.astype(int) - whole).mean() < 1
+
+
+@pytest.mark.parametrize("orientation", [6, 8])
+def test_a_mask_painted_on_the_stored_picture_is_turned_with_it(tmp_path, orientation):
+    """Its shape tells: that of the photo as stored, not as shown."""
+    upright = pattern()
+    stencil = np.zeros(upright.shape[:2], np.uint8)
+    stencil[:10, :20] = 255
+    stored = {6: 1, 8: -1}[orientation]
+    exif = Image.Exif()
+    exif[274] = orientation
+    save(tmp_path / "a.jpg", np.rot90(upright, stored), exif=exif)
+    save(tmp_path / "m.png", np.rot90(stencil, stored))
+
+    photo = read(tmp_path / "a.jpg", mask=tmp_path / "m.png")
+    assert photo.pixels.shape == upright.shape
+    np.testing.assert_array_equal(photo.mask > 0, stencil > 0)

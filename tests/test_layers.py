@@ -11,9 +11,12 @@ CHECKOUT = Path(__file__).resolve().parent.parent
 PACKAGE = CHECKOUT / "texproj"
 SOURCES = sorted(PACKAGE.rglob("*.py"))
 PAGE = sorted((PACKAGE / "preview/web/src").glob("*.ts"))
-SAME_ROLE = {"register", "search", "view", "charts", "texels", "texture", "vertices"}
+SAME_ROLE = {"register", "search", "view", "verdict", "charts", "texels", "texture", "vertices"}
 """Names that mean the same wherever they stand: a folder's entry, its search, its view of a photo,
-kinds of what is colored."""
+its verdict, kinds of what is colored."""
+
+FOR_SEVERAL = {"scene"}
+"""Modules of formats/ that read for several formats: trimesh."""
 
 
 def id_of(path: Path) -> str:
@@ -192,6 +195,24 @@ def test_methods_open_no_files(layer):
         assert not {row for row in rows if row.startswith(("formats", "project", "files"))}, path
         assert not packages_imported(path) & {"pathlib", "io", "shutil"}, path
         assert "open" not in called, path
+
+
+def defines(path: Path, *names: str) -> bool:
+    """Whether a file has a function of one of these names."""
+    tree = ast.parse(path.read_text())
+    return any(isinstance(node, ast.FunctionDef) and node.name in names for node in tree.body)
+
+
+def test_formats_do_not_know_each_other():
+    """A module that reads or writes the format it is named after imports no other such module."""
+    formats = {
+        path
+        for path in (PACKAGE / "formats").rglob("*.py")
+        if defines(path, f"read_{path.stem}", f"write_{path.stem}") and path.stem not in FOR_SEVERAL
+    }
+    assert {"colmap", "metashape", "glb", "obj", "ply", "cameras"} <= {p.stem for p in formats}
+    known = {id_of(path): {id_of(p) for p in files_imported(path) & formats} for path in formats}
+    assert {name: others for name, others in known.items() if others} == {}
 
 
 def test_each_name_of_a_module_means_one_thing():

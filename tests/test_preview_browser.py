@@ -1,7 +1,6 @@
 """The page in a real browser: what a person sees and does, by real mouse and keyboard events."""
 
 import base64
-import importlib.util
 import os
 import shutil
 import time
@@ -11,9 +10,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import trimesh
+from page_tools import WEB, builder, with_packages
 from preview_project import BROKEN, HEIGHT, WIDTH, cameras, corner_points, make_project, running
 
 from texproj.options import RenderOptions
+from texproj.preview import work
 from texproj.project import Project
 from texproj.records import CameraRecord
 from texproj.render import open_renderer
@@ -29,13 +31,6 @@ LENS_PHOTO = "0004.png"
 TO_SOLVE = "0003.png"
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-
-
-def builder():
-    spec = importlib.util.spec_from_file_location("hatch_build", CHECKOUT / "hatch_build.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 @pytest.fixture(scope="module")
@@ -172,7 +167,7 @@ def test_photos_are_listed_worst_first_with_what_to_do(page):
     assert names.index("0002.png") < names.index("0001.png") < names.index("0000.png")
     assert "cannot" in row(page, BROKEN).inner_text().lower()
     assert "Replace the file" in row(page, BROKEN).inner_text()
-    assert "Pick 4 points" in row(page, "0002.png").inner_text()
+    assert "Pick 8 points" in row(page, "0002.png").inner_text()
 
 
 def enter(page, name):
@@ -515,6 +510,191 @@ def test_a_phone_shows_everything(browser, root):
         assert page.evaluate("document.documentElement.scrollWidth") <= 390
         page.get_by_role("button", name="Photos", exact=True).click()
         assert row(page, "0000.png").is_visible()
+
+
+# --- making the model
+
+
+def stage(*steps, last="The model is made from 4 of 5 photos."):
+    """Work of the page that only tells how far it is, as slowly as a person can follow."""
+
+    def work_on(_, progress):
+        for step in steps:
+            for _ in range(4):
+                progress(*step)
+                time.sleep(0.15)
+        return last
+
+    return work_on
+
+
+@pytest.fixture
+def made(monkeypatch):
+    """A run of three steps."""
+    steps = [("register", 2, 5, "a.png"), ("refine", 0, 1, ""), ("color", 5, 10, "")]
+    run = stage(*steps)
+    monkeypatch.setattr(work, "STAGES", {**work.STAGES, "run": ("Make the model", run)})
+
+
+def test_one_button_makes_the_model(made, page):
+    """It says what is going on and cannot be pressed twice; words and tab tell how far it is; the
+    end is told, with what is missing.
+    """
+    button = page.locator("#do-run")
+    button.click()
+    until(page, "document.querySelector('#do-run').disabled")
+    assert "Making the model" in button.inner_text()
+    assert page.locator("#do-color").is_disabled()
+    until(page, "document.querySelector('#job-title').textContent.includes('photo 3 of 5')")
+    assert page.title().startswith("\u2026 40 %")
+    until(page, "document.querySelector('#job-title').textContent.includes('refining')")
+    until(page, "!document.querySelector('#do-run').disabled")
+    page.get_by_text("The model is made from 4 of 5 photos.").wait_for()
+
+    assert button.inner_text() == "Make the model"
+    assert page.locator("#job").is_hidden()
+
+
+def test_stop_stops(monkeypatch, page):
+    """The button says so at once; what comes is told as stopped, not as failed."""
+    endless = stage(*[("register", 2, 5, "a.png")] * 10_000)
+    monkeypatch.setattr(work, "STAGES", {**work.STAGES, "run": ("Make the model", endless)})
+    page.locator("#do-run").click()
+    until(page, "!document.querySelector('#job').hidden")
+    page.locator("#job-cancel").click()
+    page.get_by_text("Stopped; what was finished before is kept.").wait_for()
+
+    assert page.locator("#do-run").is_enabled()
+    assert page.locator("#notice").get_attribute("data-kind") == "warn"
+
+
+@pytest.fixture
+def empty(browser, root):
+    """The page of a project in which nothing is registered."""
+    (root / "cameras.json").unlink()
+    with running(root) as home, opened(browser, home) as found:
+        yield found
+
+
+def test_an_empty_project_tells_three_ways_to_start(empty):
+    """The first starts a run, the second picking in a photo; the model is seen with z up."""
+    card = empty.locator("#start")
+    assert card.locator("li").count() == 3
+    assert "texproj import" in card.inner_text()
+    assert empty.locator('[data-up="z"]').get_attribute("aria-checked") == "true"
+    empty.locator("#start-pick").click()
+    until(empty, "document.body.dataset.mode === 'pick'")
+    assert card.is_hidden()
+
+
+def test_the_model_can_be_stood_on_any_side(empty, browser):
+    """Buttons turn it, also over the poles; the side is remembered."""
+    empty.get_by_role("button", name="Not now").click()
+    empty.locator('[data-up="-y"]').click()
+    settle(empty)
+    up = "texproj.viewport.toScreen([0, -0.5, 0])[1] < texproj.viewport.toScreen([0, 0.5, 0])[1]"
+    assert empty.evaluate(up)
+    empty.get_by_role("button", name="Turn over").click()
+    settle(empty)
+    assert not empty.evaluate(up)
+    empty.reload()
+    empty.wait_for_selector("body[data-ready=true]")
+    assert empty.locator('[data-up="-y"]').get_attribute("aria-checked") == "true"
+
+
+def test_a_late_layer_does_not_steal_the_view(page):
+    """Whoever chose another one meanwhile keeps it."""
+    page.route("**/api/layers/coverage", lambda route: (time.sleep(1.5), route.continue_()))
+    page.locator('[data-layer="coverage"]').click()
+    page.locator('[data-layer="normals"]').click()
+    page.wait_for_timeout(2500)
+    page.unroute_all(behavior="wait")
+    page.wait_for_timeout(1000)
+
+    assert page.evaluate("texproj.look.layer") == "normals"
+    assert page.locator('[data-layer="normals"]').get_attribute("aria-checked") == "true"
+
+
+def test_the_wipe_s_handle_stays_inside_and_picking_leaves_no_trace(page):
+    """At both ends the handle can be taken hold of; after picking, the photo's view is opaque."""
+    enter(page, "0000.png")
+    pane = page.locator("#model-pane").bounding_box()
+    for wipe in (0, 1):
+        page.evaluate(f"texproj.change({{ wipe: {wipe} }})")
+        handle = page.locator("#wipe").bounding_box()
+        assert handle["x"] >= pane["x"]
+        assert handle["x"] + handle["width"] <= pane["x"] + pane["width"]
+    pick_page(page, "0000.png")
+    assert page.evaluate("texproj.look.opacity") == 0
+    page.locator("#leave-pick").click()
+    assert page.evaluate("texproj.look.opacity") == 1
+
+
+def test_the_back_of_a_surface_is_dark_and_cannot_be_picked(browser, root):
+    """A box open to the front, seen into from behind: its inside is dark, a click says why."""
+    box = trimesh.creation.box((4, 3, 1))
+    box.update_faces(box.face_normals[:, 2] > -0.5)
+    (root / "cameras.json").unlink()
+    box.export(root / "mesh" / "blocks.ply")
+    with running(root) as home, opened(browser, home) as page:
+        page.get_by_role("button", name="Not now").click()
+        page.evaluate("texproj.viewport.camera.position.set(0, 0.1, -8)")
+        settle(page)
+        middle = picture(page)
+        h, w = middle.shape[:2]
+        assert middle[h // 2, w // 2].max() < 40
+        pick_page(page, "0000.png")
+        page.evaluate("texproj.viewport.camera.position.set(0, 0.1, -8)")
+        settle(page)
+        page.mouse.click(*model_place(page, [0, 0, 0.5]))
+        page.get_by_text("the back of the surface").wait_for()
+        assert page.evaluate("texproj.picking.picks.length") == 0
+
+
+# --- for everybody
+
+
+def violations(page, view):
+    """What axe-core finds in the page as it is, one line each."""
+    page.evaluate((WEB / "node_modules/axe-core/axe.min.js").read_text())
+    found = page.evaluate("axe.run().then(result => result.violations)")
+    return [f"{view}: {v['id']}: {n['html'][:120]}" for v in found for n in v["nodes"]]
+
+
+def test_axe_finds_nothing_in_any_view(browser, root):
+    """Result, photo, factors of its weight, single steps, help, picking."""
+    with_packages()
+    with running(root) as home, opened(browser, home) as page:
+        found = violations(page, "result")
+        enter(page, "0000.png")
+        found += violations(page, "photo")
+        page.locator('[data-layer="weights"]').click()
+        until(page, "texproj.look.layer === 'weights'")
+        found += violations(page, "weights")
+        page.locator("#do-more").click()
+        found += violations(page, "single steps")
+        page.keyboard.press("Escape")
+        page.locator("#do-help").click()
+        found += violations(page, "help")
+        page.get_by_role("button", name="Close").click()
+        pick_page(page, "0000.png")
+        page.locator("#photo-pane").focus()
+        page.keyboard.press("Enter")
+        page.keyboard.press("Enter")
+        until(page, "texproj.picking.picks.length === 1")
+        assert found + violations(page, "picking") == []
+
+
+def test_axe_finds_nothing_on_a_phone(browser, root):
+    """A new project: how to start, photos, view."""
+    with_packages()
+    (root / "cameras.json").unlink()
+    with running(root) as home, opened(browser, home, 390, 760) as page:
+        found = violations(page, "start")
+        page.get_by_role("button", name="Photos", exact=True).click()
+        found += violations(page, "photos")
+        page.get_by_role("button", name="View", exact=True).click()
+        assert found + violations(page, "panel") == []
 
 
 def test_the_bundle_is_small():

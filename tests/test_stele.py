@@ -19,7 +19,7 @@ def off_px(found, true, points):
 
 
 def test_picks_for_one_photo_register_all(stele):
-    """Six of six, each within 1.5 pixels of the true camera and by the means that it has."""
+    """Six of six, each within a pixel of the true camera and by the means that it has."""
     records = Project.open(stele).load_cameras()
     truth = {r.file: r.camera for r in read_cameras(stele / "truth/cameras.json").records}
     points = Project.open(stele).load_mesh().mesh.vertices[::53]
@@ -27,7 +27,7 @@ def test_picks_for_one_photo_register_all(stele):
     assert {name: r.status for name, r in records.items()} == dict.fromkeys(PHOTOS, "registered")
     assert records["IMG_0003.jpg"].method == "points"
     assert records["IMG_0001.jpg"].method == "structure"
-    assert max(off_px(records[n].camera, truth[n], points) for n in PHOTOS) < 1.5
+    assert max(off_px(records[n].camera, truth[n], points) for n in PHOTOS) < 1.0
 
 
 def test_the_model_is_written_from_all_photos(stele):

@@ -135,6 +135,7 @@ FOUND = {
     "short.obj": b"v 0 0 0\nv 1 0\nv 0 1 0 7\nv 0 0 1\nf 1 2 3\n",
     "short.off": b"OFF\n3 1 0\n0 0 0\n1 0\n0 1 0 0\n3 0 1 2\n",
     "digits.off": "OFF\n\u00b2 1 0\n".encode(),
+    "bytes.off": b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n\x80nan 0 1 2\n",
     "extensions.glb": nested_glb(1)[:12],
 }
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
-from texproj.errors import InputError
+from texproj.errors import InputError, excerpt
 
 MOST_BYTES = 2 << 30
 """Files of text are read whole: beyond this they do not fit beside what is made of them."""
@@ -159,7 +159,7 @@ def xml_of(data: bytes, where: str) -> ET.Element:
         raise InputError(f"{where}: not XML ({error})") from None
     except (ValueError, LookupError) as error:  # encodings of several bytes, and unknown ones
         raise InputError(
-            f"{where}: its encoding cannot be read ({error}); save it in UTF-8"
+            f"{where}: its encoding cannot be read ({excerpt(str(error))}); save it in UTF-8"
         ) from None
     level = [root]
     for _ in range(MOST_NESTED):

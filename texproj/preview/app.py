@@ -77,7 +77,9 @@ def create_app(session: Session) -> Starlette:
         HTTPException: on_http_error,
         Exception: on_fault,
     }
-    return Starlette(routes=handlers.routes(), lifespan=lifespan, exception_handlers=errors)
+    app = Starlette(routes=handlers.routes(), lifespan=lifespan, exception_handlers=errors)
+    app.state.session = session
+    return app
 
 
 class Handlers:
@@ -281,7 +283,7 @@ def on_texproj_error(_: Request, error: Exception) -> Response:
 
 def on_fault(request: Request, error: Exception) -> Response:
     """What nobody foresaw: told to the page, with its traceback in the log."""
-    LOG.error("%s %s failed", request.method, request.url.path, exc_info=error)
+    request.app.state.session.log_fault(f"{request.method} {request.url.path}", error)
     return refuse(500, INTERNAL)
 
 

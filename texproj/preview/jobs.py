@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import logging
 import threading
 import time
 from collections.abc import Callable
@@ -18,8 +17,6 @@ from texproj.stages.progress import Cancelled, Progress
 
 Work = Callable[[Progress], Any]
 State = Literal["waiting", "running", "done", "failed", "cancelled"]
-
-LOG = logging.getLogger("texproj.preview")
 
 MOST_JOBS = 16
 """Jobs that may wait at a time; a person has no more in mind."""
@@ -151,7 +148,6 @@ class Jobs:
             self._end(job, "failed", str(error))
             raise
         except BaseException:
-            LOG.exception("%s failed", job.title)
             self._end(job, "failed", INTERNAL)
             raise
         self._end(job, "done", result if isinstance(result, str) else "")

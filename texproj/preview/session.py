@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.at_work import at_work
-from texproj.errors import TexprojError
+from texproj.errors import OutputError, TexprojError
 from texproj.files import STAGING_PREFIX, json_hash
 from texproj.formats.models.binary import required_extensions
 from texproj.formats.models.glb import IMAGE_EXTENSIONS
@@ -29,7 +29,7 @@ from texproj.preview.photos import Pictures, photo_facts
 from texproj.preview.surface import Surface
 from texproj.project import Project
 from texproj.stages.bench import Workbench
-from texproj.stages.progress import Progress
+from texproj.stages.progress import Cancelled, Progress
 
 T = TypeVar("T")
 
@@ -141,14 +141,25 @@ class Session:
             check_picks(self.root)
 
         def run(progress: Progress) -> Any:
-            with ExitStack() as open_now:
-                bench = open_now.enter_context(SharedBench(project, self.surface, looks))
-                if not looks:
-                    open_now.enter_context(at_work(project.work, f"preview: {title}", LOG.info))
-                    open_now.enter_context(logged(project.work / "log", f"preview: {title}"))
-                return work(bench, progress)
+            try:
+                with ExitStack() as open_now:
+                    if not looks:
+                        open_now.enter_context(at_work(project.work, f"preview: {title}", LOG.info))
+                        open_now.enter_context(logged(project.log_folder, f"preview: {title}"))
+                    bench = open_now.enter_context(SharedBench(project, self.surface, looks))
+                    return work(bench, progress)
+            except (TexprojError, Cancelled):
+                raise
+            except BaseException as error:
+                self.log_fault(title, error)
+                raise
 
         return self.jobs.start(kind, title, run, subject)
+
+    def log_fault(self, what: str, error: BaseException) -> None:
+        """Write what nobody foresaw, with its traceback, to the project's log."""
+        with contextlib.suppress(OutputError), logged(self.root / "work" / "log", "preview"):
+            LOG.error("%s failed", what, exc_info=error)
 
     def kept(self, key: list[Any], make: Callable[[], T]) -> T:
         """The value kept for `key`, else made now."""

@@ -5,8 +5,10 @@ structure from motion, then, as one block, on the mesh.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
@@ -14,8 +16,8 @@ from texproj.camera import Camera
 from texproj.errors import InputError, RegistrationError
 from texproj.files import content_hash
 from texproj.photo import Photo
-from texproj.records import Fit
-from texproj.register.block.block_fit import BlockFit
+from texproj.records import THROUGH, CameraRecord, Fit
+from texproj.register.block.anchor import Anchor, anchored
 from texproj.register.block.place import place_block
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.block.structure_from_motion import (
@@ -24,7 +26,8 @@ from texproj.register.block.structure_from_motion import (
     structure_from_motion,
 )
 from texproj.render import GBuffer
-from texproj.stages.bench import Workbench
+from texproj.stages.bench import FEATURES_LONGEST, Workbench
+from texproj.stages.entries import expected_error_px, start_of
 from texproj.stages.lenses import lens_of
 from texproj.stages.methods import REGISTRATION_LONGEST
 from texproj.stages.progress import Progress
@@ -32,6 +35,8 @@ from texproj.stages.progress import Progress
 STAGE = "block"
 LEAST_PHOTOS = 3
 """Two photos tell little of a shape."""
+MAX_ERROR_PERCENT = 0.5
+"""Expected error, percent of the longer side, beyond which a photo held by others is refused."""
 STEPS = 100
 """Parts of the progress while the block is put onto the mesh."""
 CHANNELS = ("depth", "normal", "ao", "front")
@@ -40,16 +45,19 @@ Told = dict[str, Fit | str]
 
 
 def place_together(
-    bench: Workbench, names: Sequence[str], progress: Progress
-) -> Mapping[str, Fit | str]:
-    """A camera for each photo, or why there is none. What was found of photos and pairs is kept in
-    work/, so that an interrupted run goes on where it stopped.
+    bench: Workbench,
+    names: Sequence[str],
+    anchors: Mapping[str, CameraRecord],
+    progress: Progress,
+) -> Told:
+    """A camera for each of the photos `names`, or why there is none.
+
+    anchors: registered photos, which hold the block on the mesh where it contains any. What was
+    found of photos and pairs is kept in work/, so that an interrupted run goes on where it stopped.
     """
-    if len(names) < LEAST_PHOTOS:
-        return {}
-    photos, told = _photos(bench, names)
+    photos, told = _photos(bench, [*names, *anchors])
     if len(photos) < LEAST_PHOTOS:
-        return told
+        return {name: told[name] for name in names if name in told}
     try:
         with TemporaryDirectory(prefix="texproj-block-") as scratch:
             motion = structure_from_motion(
@@ -63,8 +71,8 @@ def place_together(
         return told | {photo.name: str(error) for photo in photos}
     told |= motion.left_out
     for part in motion.parts:
-        told |= _placed(bench, part, progress)
-    return told
+        told |= _placed(bench, part, anchors, progress)
+    return {name: told[name] for name in names if name in told}
 
 
 def _photos(bench: Workbench, names: Sequence[str]) -> tuple[list[BlockPhoto], Told]:
@@ -73,7 +81,7 @@ def _photos(bench: Workbench, names: Sequence[str]) -> tuple[list[BlockPhoto], T
     photos: list[BlockPhoto] = []
     broken: Told = {}
     for name in names:
-        entry = entries.get(name)
+        start = start_of(entries.get(name))
         try:
             content = f"{project.hash_of(project.photo_path(name))}-"
             content += f"{project.hash_of(project.mask_path(name))}"
@@ -81,8 +89,8 @@ def _photos(bench: Workbench, names: Sequence[str]) -> tuple[list[BlockPhoto], T
                 BlockPhoto(
                     project.photo_info(name),
                     content_hash(content.encode()),
-                    lens_of(project, name, entry),
-                    entry.intrinsics if entry is not None else None,
+                    lens_of(project, name, start),
+                    start.intrinsics if start is not None else None,
                 )
             )
         except InputError as error:
@@ -94,8 +102,52 @@ def _load(bench: Workbench, name: str, longest: int) -> Photo:
     return bench.project.load_photo(name, longest)
 
 
-def _placed(bench: Workbench, part: Reconstruction, progress: Progress) -> Told:
+def _placed(
+    bench: Workbench,
+    part: Reconstruction,
+    anchors: Mapping[str, CameraRecord],
+    progress: Progress,
+) -> Told:
     """The cameras of a part of the photos, or why they are none."""
+    own = {name: anchors[name] for name in part.names if name in anchors}
+    try:
+        return _held(bench, part, own) if own else _searched(bench, part, progress)
+    except RegistrationError as error:
+        return dict.fromkeys(part.names, str(error))
+
+
+def _held(bench: Workbench, part: Reconstruction, own: Mapping[str, CameraRecord]) -> Told:
+    """The photos of a part where those of them that are registered put it."""
+    place = anchored(part, [_anchor(bench, record) for record in own.values()])
+    through = [name for name in own if name not in place.contradicts]
+    told: Told = {}
+    for k, (name, camera) in enumerate(zip(part.names, part.cameras, strict=True)):
+        error_px = float(place.expected_error_px[k])
+        quality = {"block_photos": len(part.names), THROUGH: through}
+        fit = _fit(place.world_from_block.camera(camera), part, k, error_px, quality)
+        told[name] = _certain(fit)
+    return told
+
+
+def _anchor(bench: Workbench, record: CameraRecord) -> Anchor:
+    camera = record.registered_camera
+    assert camera is not None
+    seen = bench.plain_scene.gbuffer(camera.reduced(FEATURES_LONGEST), ("depth",))
+    return Anchor(record.file, camera, seen.require("depth"), expected_error_px(record))
+
+
+def _certain(fit: Fit) -> Fit:
+    """The fit, not accepted where the anchors leave it too uncertain."""
+    percent = 100 * fit.expected_error_px / max(fit.camera.width, fit.camera.height)
+    if percent <= MAX_ERROR_PERCENT:
+        return fit
+    through = ", ".join(fit.quality[THROUGH])
+    reason = f"{through} leaves it uncertain by {percent:.2f} % of its longer side; pick 4 points"
+    return replace(fit, accepted=False, reason=reason)
+
+
+def _searched(bench: Workbench, part: Reconstruction, progress: Progress) -> Told:
+    """The photos of a part where its shape fits the mesh."""
 
     def listen(what: str, share: float) -> None:
         progress(STAGE, round(share * STEPS), STEPS, what)
@@ -104,32 +156,33 @@ def _placed(bench: Workbench, part: Reconstruction, progress: Progress) -> Told:
         return bench.scene.gbuffer(camera, CHANNELS)
 
     load = partial(_load, bench, longest=REGISTRATION_LONGEST)
-    try:
-        fit = place_block(part, bench.mesh, render, load, listen)
-    except RegistrationError as error:
-        return dict.fromkeys(part.names, str(error))
-    return {name: _fit(name, fit, part) for name in part.names}
+    block = place_block(part, bench.mesh, render, load, listen)
+    quality = {
+        "block_photos": len(part.names),
+        "support": round(block.support, 3),
+        "rival": round(block.rival, 3),
+        "mirror_t": round(block.mirror_t, 2),
+    }
+    told: Told = {}
+    for k, name in enumerate(part.names):
+        camera = block.cameras[name]
+        error_px = block.expected_error_percent / 100 * max(camera.width, camera.height)
+        fit = _fit(camera, part, k, error_px, quality)
+        told[name] = replace(fit, accepted=fit.accepted and block.accepted, reason=block.reason)
+    return told
 
 
-def _fit(name: str, block: BlockFit, part: Reconstruction) -> Fit:
-    """What the block says of one of its photos."""
-    camera = block.cameras[name]
-    rows, _ = part.seen_from(part.names.index(name))
-    error_px = block.expected_error_percent / 100 * max(camera.width, camera.height)
+def _fit(
+    camera: Camera, part: Reconstruction, row: int, error_px: float, quality: Mapping[str, Any]
+) -> Fit:
+    """What a block says of one of its photos."""
+    points, _ = part.seen_from(row)
     return Fit(
         camera=camera,
         method="block",
         expected_error_px=error_px,
-        residual_px=part.error_px[rows] * max(camera.width, camera.height) / LONGEST_PX,
-        inliers=np.ones(len(rows), bool),
+        residual_px=part.error_px[points] * max(1.0, max(camera.width, camera.height) / LONGEST_PX),
+        inliers=np.ones(len(points), bool),
         covariance=np.full((6, 6), np.nan),
-        accepted=block.accepted,
-        reason=block.reason,
-        quality={
-            "block_photos": len(part.names),
-            "block_points": len(rows),
-            "support": round(block.support, 3),
-            "rival": round(block.rival, 3),
-            "mirror_t": round(block.mirror_t, 2),
-        },
+        quality={**quality, "block_points": len(points)},
     )

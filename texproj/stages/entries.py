@@ -14,6 +14,10 @@ from texproj.records import CameraRecord, Refinement
 Entries = Mapping[str, CameraRecord]
 
 
+UNKNOWN_ERROR_PERCENT = 0.1
+"""Expected error of a camera that does not tell its own, percent of the photo's longer side."""
+
+
 def start_of(entry: CameraRecord | None) -> CameraRecord | None:
     """The camera that the registration of an entry starts from: what was there before it."""
     if entry is None or not entry.sought:
@@ -50,3 +54,9 @@ def refined_entry(record: CameraRecord, own: CameraRecord, asked: bool) -> Camer
 def camera_hash(entry: CameraRecord) -> str:
     """Hash of the camera alone, so that a later edit of it by hand shows."""
     return json_hash([*camera_part(entry).values(), entry.status])
+
+
+def expected_error_px(record: CameraRecord) -> float:
+    """What is known of the error of an entry's camera, full-size pixels, or what is usual."""
+    unknown = UNKNOWN_ERROR_PERCENT / 100 * max(record.width, record.height)
+    return float(record.quality.get("expected_error_px") or unknown)

@@ -25,7 +25,7 @@ from texproj.records import CameraRecord, Status
 from texproj.register.proof.prove import Proof
 from texproj.stages.bench import Workbench
 from texproj.stages.photo_names import PhotoNames, by_photo
-from texproj.stages.proving import believe
+from texproj.stages.proving import believe, lying_mask
 from texproj.stages.readings import Reading, Readings, readings
 
 ImportStatus = Literal["registered", "prior"]
@@ -215,6 +215,8 @@ def _vouched(
             starts[photo] = doubt
         in_view[photo] = _share_in_view(bench, reading.camera)
         said = [reading.note, _caveat(proof) if not doubt else ""]
+        if proof is not None and not doubt:
+            said.append(lying_mask(bench, photo, reading.camera))
         if any(said):
             notes[photo] = "; ".join(filter(None, said))
         given: Status = "prior" if doubt else status

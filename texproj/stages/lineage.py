@@ -276,7 +276,7 @@ def inputs(
         if "features" in tried:
             others = around(entry.file)
             found[OTHERS] = json_hash([[n, cameras.get(n)] for n in others])
-    elif entry.method == "features":
+    elif entry.method == "features" or entry.through:
         found |= _through_inputs(sources, entry, cameras)
     return found
 

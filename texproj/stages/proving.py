@@ -6,11 +6,16 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
+from texproj.arrays import Bytes
 from texproj.camera import Camera
 from texproj.errors import InputError
+from texproj.formats.interchange import QUARTER_TURNS
 from texproj.photo import Photo
 from texproj.register.joint.session import Kept
 from texproj.register.proof.prove import WORKING_PX, Proof, prove
+from texproj.register.proof.stencil import fits_turned
 from texproj.render import GBuffer
 from texproj.stages.bench import Workbench
 from texproj.stages.readings import Reading, Readings, Turn
@@ -18,6 +23,10 @@ from texproj.stages.readings import Reading, Readings, Turn
 CHANNELS = ("depth", "normal", "front")
 KEPT_PHOTOS = 48
 RANK = {"proved": 2.0, "unproved": 1.0, "contradicted": 0.0}
+LYING_MASK = (
+    "its mask fits the mesh only after EXIF's turn: it was made on the stored picture; turn the"
+    " mask file the same way"
+)
 NO_PROOF = Proof("unproved", "unproved: the photo cannot be compared with others")
 
 
@@ -93,6 +102,27 @@ def _proofs(
     found = prove([cameras[name] for name in names], lambda k, _: load(names[k]), render, numbers)
     proofs = {names[k]: proof for k, proof in found.items()}
     return {name: proofs.get(name, NO_PROOF) for name in judged}
+
+
+def lying_mask(bench: Workbench, name: str, camera: Camera) -> str:
+    """A sentence about a mask that was painted on the stored picture of a photo that EXIF turns,
+    where its shape does not tell; empty if it fits as it is.
+    """
+    project = bench.project
+    turns = QUARTER_TURNS.get(project.photo_info(name).orientation, 0)
+    if not turns or project.mask_path(name) is None:
+        return ""
+    mask = project.load_photo(name, WORKING_PX).mask
+    if mask is None or (turns % 2 and mask.shape[0] != mask.shape[1]):
+        return ""
+
+    def turn(picture: Bytes) -> Bytes:
+        return np.ascontiguousarray(np.rot90(picture, -turns))
+
+    def render(seen: Camera) -> GBuffer:
+        return bench.plain_scene.gbuffer(seen, ("depth",))
+
+    return LYING_MASK if fits_turned(mask, camera, render, turn) else ""
 
 
 def _can_be_read(load: Callable[[str], Photo], name: str) -> bool:

@@ -20,6 +20,7 @@ from texproj.stages.attending import attended
 from texproj.stages.bench import Workbench
 from texproj.stages.entries import (
     Entries,
+    expected_error_px,
     is_refined,
     own_registration,
     refined_entry,
@@ -35,8 +36,6 @@ if TYPE_CHECKING:
 
 STAGE = "refine"
 VERSION = 1
-UNKNOWN_ERROR_PERCENT = 0.1
-"""Expected error of a camera that does not tell its own, percent of the photo's longer side."""
 CHANNELS = ("depth", "normal")
 HELD = "imported cameras held"
 GLANCE_PX = 64
@@ -165,7 +164,7 @@ def _refine(bench: Workbench, before: Mapping[str, CameraRecord], fixed: list[bo
     project = bench.project
     names = list(before)
     cameras = [_camera(record) for record in before.values()]
-    sigma = [_expected_error_px(record) for record in before.values()]
+    sigma = [expected_error_px(record) for record in before.values()]
 
     def load(number: int, longest: int) -> Photo:
         return project.load_photo(names[number], longest)
@@ -182,11 +181,6 @@ def _refine(bench: Workbench, before: Mapping[str, CameraRecord], fixed: list[bo
 def _camera(record: CameraRecord) -> Camera:
     assert record.camera is not None
     return record.camera
-
-
-def _expected_error_px(record: CameraRecord) -> float:
-    unknown = UNKNOWN_ERROR_PERCENT / 100 * max(record.width, record.height)
-    return float(record.quality.get("expected_error_px") or unknown)
 
 
 def _records(

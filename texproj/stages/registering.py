@@ -39,21 +39,18 @@ from texproj.stages.progress import Progress, silent
 from texproj.stages.wave import Evidence, Wave
 
 Names = tuple[str, ...]
-Together = Callable[[Workbench, Sequence[str], Progress], Mapping[str, Fit | str]]
-"""A step that places many photos at once: for each that it was given, a fit, or why there is none.
-Entries are traced to method "block" and to all photos that it was given."""
 
 
-def _block(bench: Workbench, names: Sequence[str], progress: Progress) -> Mapping[str, Fit | str]:
-    """All at once, by structure from motion."""
+def _block(
+    bench: Workbench,
+    names: Sequence[str],
+    anchors: Mapping[str, CameraRecord],
+    progress: Progress,
+) -> Mapping[str, Fit | str]:
+    """All at once, by structure from motion: for each photo a fit, or why there is none."""
     from texproj.stages.blocking import place_together  # noqa: PLC0415 - slow to load
 
-    return place_together(bench, names, progress)
-
-
-TOGETHER: tuple[Together, ...] = (_block,)
-"""These steps are tried in this order on photos without picks and without a camera to start from,
-if no photo is registered through which they could be found."""
+    return place_together(bench, names, anchors, progress)
 
 
 def register_photos(
@@ -73,9 +70,11 @@ def register_photos(
         run = _Run(bench, chosen, keeper, progress)
         run.keep()
         run.attend_alone()
-        if run.asked == AUTO and not run.any_registered:
-            run.attend_together()
+        if run.asked == AUTO and not run.registered:
+            run.attend_together(run.without_means, {})
         if run.asked in (AUTO, "features"):
+            run.attend_through_others()
+        if run.asked == AUTO and run.attend_together(run.newly_failed, run.registered):
             run.attend_through_others()
     progress(STAGE, len(chosen), len(chosen), "")
     project.save_hashes()
@@ -92,8 +91,8 @@ class _Run:
 
     waiting: those without an outcome; shaken: those of them that were found through others before,
     so that their old cameras prove nothing; own: what came of what was tried before others were
-    asked; places: the photos from whose place each was tried already; faulty: those that were in a
-    block when a fault was met.
+    asked; places: the photos from whose place each was tried already; faulty: those that met a
+    fault, alone or in a block.
     """
 
     def __init__(
@@ -120,9 +119,21 @@ class _Run:
     # --- what is known
 
     @property
-    def any_registered(self) -> bool:
-        """Whether there is a photo through which others could be found."""
-        return any(entry.registered_camera is not None for entry in self.entries.values())
+    def registered(self) -> dict[str, CameraRecord]:
+        """The photos through which others could be found."""
+        known = {n: self.entries[n] for n in self.project.photo_names if n in self.entries}
+        return {n: entry for n, entry in known.items() if entry.registered_camera is not None}
+
+    @property
+    def without_means(self) -> Names:
+        """The photos without an outcome that have nothing of their own."""
+        return tuple(n for n in self.chosen if n in self.waiting and not self.job(n).has_means)
+
+    @property
+    def newly_failed(self) -> Names:
+        """The photos that failed in this run and were in no block."""
+        failed = (o for o in self.outcomes.values() if o.may_be_helped and not o.kept)
+        return tuple(outcome.name for outcome in failed if outcome.name not in self.blocks)
 
     def through(self, name: str) -> tuple[str, ...]:
         entry = self.entries.get(name)
@@ -156,24 +167,32 @@ class _Run:
             if name in self.waiting:
                 self.keep_if_it_holds(name, self.lineage.alone[name])
 
-    def attend_together(self) -> None:
-        """Place the photos that have nothing of their own all at once."""
-        for step in TOGETHER:
-            names = tuple(n for n in self.chosen if n in self.waiting and not self.job(n).has_means)
-            if not names:
-                return
-            for name, found in self.placed(step, names).items():
-                self.blocks[name] = names
-                if found.fit is None:
-                    self.own[name] = found
-                else:
-                    self.attend(name, partial(_as_placed, found))
+    def attend_together(self, names: Names, anchors: Mapping[str, CameraRecord]) -> bool:
+        """Place photos all at once; returns whether one was found."""
+        searches = self.placed(names, anchors) if names else {}
+        for name, found in searches.items():
+            self.blocks[name] = names
+            if found.fit is not None or name in self.outcomes:
+                self.attend(name, partial(_as_placed, self.continued(name, found)))
+            else:
+                self.own[name] = found
+        return any(found.fit is not None and found.fit.accepted for found in searches.values())
 
-    def placed(self, step: Together, names: tuple[str, ...]) -> dict[str, Search]:
-        """What a step says of each photo; what nobody foresaw in it is said of all of them."""
+    def continued(self, name: str, found: Search) -> Search:
+        """A search after what was tried of the photo before."""
+        outcome, trace = self.outcomes.get(name), self.traces[name]
+        if outcome is None or trace is None:
+            return found
+        reasons = (outcome.reason, *found.refusals) if found.fit is None else ()
+        return replace(found, refusals=reasons, tried=(*trace.tried, *found.tried))
+
+    def placed(self, names: Names, anchors: Mapping[str, CameraRecord]) -> dict[str, Search]:
+        """What the block says of each photo; what nobody foresaw in it is said of all of them."""
         told: Mapping[str, Fit | str]
         try:
-            told = attended(", ".join(names), lambda: step(self.bench, names, self.progress))
+            told = attended(
+                ", ".join(names), lambda: _block(self.bench, names, anchors, self.progress)
+            )
         except PhotoFaultError as error:
             told = dict.fromkeys(names, str(error))
             self.faulty |= set(names)
@@ -248,6 +267,7 @@ class _Run:
         self.progress(STAGE, done, len(self.chosen), name)
         job, before = self.job(name), self.entries.get(name)
         found, why = _searched(job, search)
+        self.faulty |= {name} if FAULT in why else set()
         if found.fit is None and name in self.faulty:
             why = {**why, FAULT: True}
         record = _record(job, found, why)

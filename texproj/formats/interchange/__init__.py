@@ -20,7 +20,7 @@ from texproj.formats.interchange.nerfstudio import read_nerfstudio, write_nerfst
 from texproj.formats.interchange.openmvg import read_openmvg
 from texproj.formats.interchange.realityscan import read_realityscan, write_realityscan
 from texproj.formats.interchange.realityscan_xmp import read_realityscan_xmp
-from texproj.formats.interchange.upright import upright
+from texproj.formats.interchange.upright import QUARTER_TURNS, upright
 
 READERS: dict[str, Callable[[Path, SizeOf], ForeignModel]] = {
     "colmap": read_colmap,
@@ -47,6 +47,7 @@ WRITERS: dict[str, Callable[[Sequence[Shot], str], Written]] = {
 """Writers by the name of their format: photos, and the path of the mesh as seen from the file."""
 
 __all__ = [
+    "QUARTER_TURNS",
     "READERS",
     "WRITERS",
     "ForeignCamera",

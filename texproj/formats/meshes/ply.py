@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from texproj.errors import excerpt
 from texproj.formats.foreign import Broken, foreign_parser
 from texproj.formats.meshes.polygons import (
     NO_FACES,
@@ -96,7 +97,7 @@ def ply_header(data: bytes) -> Header:
 
 def _element(words: list[str]) -> Element:
     if len(words) != 3 or not words[2].isascii() or not words[2].isdigit() or len(words[2]) > 10:
-        raise Broken(f"an element without a number: {' '.join(words)[:40]}")
+        raise Broken(f"an element without a number: {excerpt(' '.join(words), 40)}")
     return Element(words[1], int(words[2]), ())
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.errors import excerpt
 from texproj.formats.foreign import Broken
 
 Vertices = NDArray[np.float64]
@@ -61,7 +62,8 @@ def counted_polygons(lines: Sequence[bytes]) -> Faces:
         words = line.split()
         counts[i] = int(words[0]) if words[0].isdigit() and len(words[0]) < 10 else -1
         if not 0 <= counts[i] < len(words):
-            raise Broken(f"face {i + 1} has {len(words) - 1} corners of {words[0].decode()[:20]}")
+            told = excerpt(words[0].decode("latin-1"), 20)
+            raise Broken(f"face {i + 1} has {len(words) - 1} corners of {told}")
         flat_words += words[1 : counts[i] + 1]
     return fans(_whole(numbers(b" ".join(flat_words), np.float64)), counts)
 

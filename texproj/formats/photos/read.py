@@ -56,7 +56,7 @@ def read_photo(
     if raster.alpha is not None:
         stencils.append(_upright(_stencil(raster.alpha), header))
     if mask is not None:
-        stencils.append(_read_mask(mask, info, largest_mp))
+        stencils.append(_read_mask(mask, info, header, largest_mp))
     return Photo(info, pixels, _combined(stencils, size))
 
 
@@ -141,17 +141,30 @@ def _stencil(values: NDArray[Any]) -> Mask:
     return np.ceil(np.clip(values / full, 0, 1) * 255).astype(np.uint8)
 
 
-def _read_mask(path: Path, info: PhotoInfo, largest_mp: float) -> Mask:
-    """The stencil file, at its own size; its EXIF orientation is ignored."""
+def _read_mask(path: Path, info: PhotoInfo, photo: Header, largest_mp: float) -> Mask:
+    """The stencil file, at its own size; its EXIF orientation is ignored.
+
+    One that has the stored photo's shape and not the upright one's was painted on the stored
+    picture, and is turned with it.
+    """
     data = read_bytes(path, _most_bytes(largest_mp))
     header = header_of(path, io.BytesIO(data), largest_mp, "mask")
     width, height = header.width, header.height
-    if abs(width * info.height - height * info.width) > max(info.width, info.height):
+    lies = photo.orientation >= 5 and _same_shape((width, height), (info.height, info.width))
+    if _same_shape((width, height), (info.width, info.height)):
+        lies = False
+    elif not lies:
         raise InputError(
             f"{path}: the mask is {width} x {height}, but the upright photo {info.name}"
             f" is {info.width} x {info.height}; give it the same shape"
         )
-    return _mask_of_image(decode(path, data, header, None, "mask"))
+    mask = _mask_of_image(decode(path, data, header, None, "mask"))
+    return _upright(mask, photo) if lies else mask
+
+
+def _same_shape(one: tuple[int, int], other: tuple[int, int]) -> bool:
+    """Whether one picture is the other but for scale."""
+    return abs(one[0] * other[1] - one[1] * other[0]) <= max(other)
 
 
 def _mask_of_image(raster: Raster) -> Mask:

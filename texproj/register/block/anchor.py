@@ -199,7 +199,7 @@ def _concluded(
     rows = range(len(anchors))
     share = np.array([agree[pairs.anchor == k].mean() if k in pairs.anchor else 1.0 for k in rows])
     wrong = share < CONTRADICTS * agree.mean()
-    pivot: Doubles = pairs.world[agree].mean(axis=0)
+    pivot = pairs.world[agree].mean(axis=0)
     information = np.zeros((7, 7))
     for k in rows:
         own = agree & (pairs.anchor == k)

@@ -21,8 +21,9 @@ class BlockFit:
     the surface's image, percent of the width, by `sigma`. support: mean share of patches of the
     mesh's structure that the photos show in place; rival: the same at the best place elsewhere;
     mirror_t: Student's t of the photos against their mirror images, positive where they are the
-    right way round. accepted: the verdict; reason: one sentence with the next step where it is
-    refused, or what to mind; quality: further numbers for the report.
+    right way round, 0 where the place is refused for another reason. accepted: the verdict;
+    reason: one sentence with the next step where it is refused, or what to mind; quality: further
+    numbers for the report.
     """
 
     world_from_block: Similarity

@@ -8,10 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from texproj.arrays import Doubles
-from texproj.register.block.cloud import Cloud
 from texproj.register.block.decide import Judged, matched_fit, support_at, tightened
 from texproj.register.block.placed_block import PatchFit, PlacedBlock
-from texproj.register.block.scan_samples import ScanSamples
 from texproj.register.block.surface_fit import Known, on_surface
 from texproj.register.block.witnesses import Witness
 from texproj.register.structure.solve import NEAR, explained_share
@@ -43,18 +41,18 @@ class Certainty:
     structure_percent: float
 
 
-def certainty(
-    witnesses: Sequence[Witness], best: Judged, cloud: Cloud, samples: ScanSamples
-) -> Certainty:
+def certainty(witnesses: Sequence[Witness], best: Judged) -> Certainty:
     """The last round at a place, and what its residuals tell of its error."""
     views = [w.view(best.placed.camera(w.in_block)) for w in witnesses]
     problem = matched_fit(witnesses, views, best.placed, NEAR, best.place)
     fit = tightened(problem, best.placed, LAST_SCALES)
     placed, covariance = fit.x, _inflated(problem, fit)
-    known = Known(placed, covariance, best.place.pivot, best.place.unit)
-    refined = on_surface(cloud, samples, known)
-    if refined is not None and _agrees(problem, fit.x, refined[0]):
-        placed, covariance = refined
+    if np.isfinite(covariance).all():
+        proposer = best.place.proposer
+        known = Known(placed, covariance, best.place.pivot, best.place.unit)
+        refined = on_surface(proposer.cloud, proposer.scan.samples, known)
+        if refined is not None and _agrees(problem, fit.x, refined[0]):
+            placed, covariance = refined
     unit = np.array([1.0] * 3 + [best.place.unit] * 3 + [1.0])
     width = float(np.mean([photo.camera(placed).width for photo in problem.photos]))
     spread = 100 * _spread_px(problem, placed, covariance) / width

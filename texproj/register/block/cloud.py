@@ -10,11 +10,16 @@ from texproj.arrays import Doubles, Floats, Index
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.block.scan_samples import middle_and_size
 from texproj.register.block.similarity import Similarity
+from texproj.register.block.subject import aim_of
 
 MOST_ERROR_PX, LEAST_ANGLE_RAD = 1.5, np.radians(2.0)
 """Points with a larger reprojection error or a smaller angle between their rays are left out ..."""
 LEAST_POINTS = 100
 """... unless fewer than this would be left; with fewer in all, the block has no shape."""
+AIMED = 0.35
+"""Radius of what the photos aim at, relative to their distance from it ..."""
+MOST_AIMED = 0.7
+"""... and the share of the points there from which on all points are as good."""
 CELL = 1 / 16
 """Points closer to each other than this, sizes of the block, stand in line for each other."""
 
@@ -38,13 +43,30 @@ class Cloud:
     @classmethod
     def of(cls, block: Reconstruction, seed: int = 0) -> Cloud:
         """The well measured points of a block."""
-        rng = np.random.default_rng(seed)
+        return cls._made(block, _well_measured(block), seed)
+
+    @classmethod
+    def aimed_at(cls, block: Reconstruction, seed: int = 0) -> Cloud | None:
+        """Only points around what the photos have in their middles; None where the photos do not
+        look at one thing, or most points lie there anyway.
+        """
+        aim = aim_of(block.cameras)
         good = _well_measured(block)
-        middle, size = middle_and_size(block.points[good])
-        unit = (block.points[good] - middle) / size
+        if aim is None:
+            return None
+        near = np.linalg.norm(block.points[good] - aim.middle, axis=1) < AIMED * aim.distance
+        if near.sum() < LEAST_POINTS or near.mean() > MOST_AIMED:
+            return None
+        return cls._made(block, good[near], seed)
+
+    @classmethod
+    def _made(cls, block: Reconstruction, chosen: Index, seed: int) -> Cloud:
+        rng = np.random.default_rng(seed)
+        middle, size = middle_and_size(block.points[chosen])
+        unit = (block.points[chosen] - middle) / size
         order = _evenly(unit, rng)
         centers = np.array([camera.center for camera in block.cameras])
-        eye = (centers[_viewers(block, good[order], rng)] - middle) / size
+        eye = (centers[_viewers(block, chosen[order], rng)] - middle) / size
         xyz = unit[order].astype(np.float32)
         ray = eye.astype(np.float32) - xyz
         toward = ray / np.maximum(np.linalg.norm(ray, axis=1), 1e-12)[:, None]

@@ -63,12 +63,10 @@ def mirrored_cloud(cloud: Cloud) -> Cloud:
     )
 
 
-def mirror_test(
-    proposer: Proposer, witnesses: Sequence[Witness], asked: int, own: Judged
-) -> MirrorTest:
+def mirror_test(witnesses: Sequence[Witness], asked: int, own: Judged) -> MirrorTest:
     """own: the place that is tested, found by the first `asked` of the photos."""
     others = [witness.mirrored for witness in witnesses]
-    rival = _rival(proposer, others[:asked], own)
+    rival = _rival(own.place.proposer, others[:asked], own)
     if rival is None:
         return MirrorTest(NO_SYMMETRY_T)
     pairs = zip(_details(witnesses, own), _details(others, rival), strict=True)

@@ -11,7 +11,7 @@ from texproj.register.block.certainty import certainty
 from texproj.register.block.cloud import LEAST_POINTS, Cloud
 from texproj.register.block.decide import Judged, same_place
 from texproj.register.block.mirror_test import MirrorTest, mirror_test
-from texproj.register.block.propose import Proposer
+from texproj.register.block.propose import proposers
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.block.scan import Scan
 from texproj.register.block.search import Search, Told
@@ -48,7 +48,7 @@ def place_block(
     witnesses, broken = called(block, load_photo, render, scan.surface, ASKED_AT_LAST)
     if not witnesses:
         raise RegistrationError(next(iter(broken.values()), "the block has no photos"))
-    search = Search(Proposer(cloud, scan, seed), witnesses[:ASKED], told)
+    search = Search(proposers(block, mesh, cloud, scan, seed), witnesses[:ASKED], told)
     return _concluded(search.run(), search, block, witnesses, broken)
 
 
@@ -59,7 +59,7 @@ def _concluded(
     witnesses: tuple[Witness, ...],
     broken: dict[str, str],
 ) -> BlockFit:
-    if not found:
+    if not found or not found[0].seen:
         raise RegistrationError(
             "the points that the photos have in common fit nowhere on the mesh "
             "(is it the same object? else pick 4 points in one photo)"
@@ -68,13 +68,12 @@ def _concluded(
     elsewhere = [j for j in found[1:] if not same_place(search.witnesses, best, j)]
     rival = max((j.support for j in elsewhere), default=0.0)
     search.told("looking at details", 0.7)
-    proposer = search.proposer
-    sure = certainty(witnesses, best, proposer.cloud, proposer.scan.samples)
+    sure = certainty(witnesses, best)
     reason = refusal(sure.support, rival)
     mirror = MirrorTest(0.0)
     if not reason:
         search.told("comparing with the mirror image", 0.8)
-        mirror = mirror_test(proposer, witnesses, ASKED, best)
+        mirror = mirror_test(witnesses, ASKED, best)
     return BlockFit(
         world_from_block=sure.placed.world_from_block,
         sigma=sure.sigma,

@@ -6,15 +6,18 @@ and scales, closest points for all that it found, lines of sight to rank them: m
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from texproj.arrays import Doubles
+from texproj.mesh import Mesh
 from texproj.register.block.cloud import Cloud
 from texproj.register.block.correlation import correlated
 from texproj.register.block.hypotheses import Hypotheses
 from texproj.register.block.icp import Schedule, closest_points
+from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.block.rotations import spread_rotations
 from texproj.register.block.scan import Scan
 from texproj.register.block.sight_lines import SightLines
@@ -24,6 +27,8 @@ ROTATIONS = 552
 """About 30 degrees between neighbors: within the reach of the closest points."""
 SCALE_BATCHES = ((1.04, 0.9, 1.2), (0.78, 1.38, 0.68, 1.6), (0.58, 1.85, 0.5, 2.2))
 """Sizes of the block relative to the mesh, the likeliest first."""
+PART_SCALES = (1.0, 0.82, 1.22, 0.68)
+"""The same where either is reduced to what it is about."""
 WIDE = Schedule(160, (0.2, 0.2, 0.16, 0.13, 0.1, 0.08, 0.065, 0.05))
 NEAR = Schedule(600, (0.08, 0.065, 0.05, 0.04, 0.04, 0.04))
 EXACT = Schedule(2000, (0.03, 0.025, 0.02, 0.015, 0.012, 0.01, 0.01))
@@ -49,13 +54,21 @@ PROBES = 60
 class Place:
     """Where a block may belong. sight: share of its lines of sight that end on the mesh minus the
     share that is blocked; pivot: (3,) the block's middle, world; unit:
-    its size there, mesh units.
+    its size there, mesh units; proposer: by what it was found.
     """
 
     world_from_block: Similarity
     sight: float
     pivot: Doubles
     unit: float
+    proposer: Proposer
+
+    def gap(self, other: Place) -> float:
+        """Mean distance between where two places put the points, sizes of the block."""
+        cloud = self.proposer.cloud
+        points = cloud.block_from_unit.apply(cloud.xyz[:PROBES])
+        apart = self.world_from_block.apply(points) - other.world_from_block.apply(points)
+        return float(np.linalg.norm(apart, axis=1).mean() / self.unit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,12 +97,6 @@ class Proposer:
         exact = sight.ranked(self._closest(seen, EXACT), FINE).distinct(probes, APART)
         return [self._place(exact, i) for i in range(len(exact))]
 
-    def gap(self, a: Place, b: Place) -> float:
-        """Mean distance between where two places put the points, sizes of the block."""
-        points = self.cloud.block_from_unit.apply(self.cloud.xyz[:PROBES])
-        apart = a.world_from_block.apply(points) - b.world_from_block.apply(points)
-        return float(np.linalg.norm(apart, axis=1).mean() / a.unit)
-
     def _closest(self, places: Hypotheses, schedule: Schedule) -> Hypotheses:
         cloud = self.cloud
         return closest_points(places, cloud.xyz, cloud.toward, self.scan.samples, schedule)
@@ -101,4 +108,21 @@ class Proposer:
             float(places.score[i]),
             world_from_unit.t,
             world_from_unit.scale,
+            self,
         )
+
+
+def proposers(
+    block: Reconstruction, mesh: Mesh, cloud: Cloud, scan: Scan, seed: int
+) -> Iterator[Proposer]:
+    """All of the block with all of the mesh; then, where either shows much besides what it is
+    about, only that. Each is made when it is asked for.
+    """
+    yield Proposer(cloud, scan, seed)
+    aimed, relief = Cloud.aimed_at(block, seed), scan.relief(mesh, seed)
+    if aimed is not None:
+        yield Proposer(aimed, scan, seed)
+    if relief is not None:
+        yield Proposer(cloud, relief, seed)
+    if aimed is not None and relief is not None:
+        yield Proposer(aimed, relief, seed)

@@ -22,7 +22,15 @@ class Scan:
 
     @classmethod
     def of(cls, mesh: Mesh, seed: int = 0) -> Scan:
-        samples = ScanSamples.of(mesh, seed)
+        return cls._made(mesh, ScanSamples.of(mesh, seed))
+
+    def relief(self, mesh: Mesh, seed: int = 0) -> Scan | None:
+        """The mesh (the same) about what is neither floor nor wall, if that is another scale."""
+        samples = ScanSamples.of_relief(mesh, self.samples, seed)
+        return None if samples is None else self._made(mesh, samples)
+
+    @classmethod
+    def _made(cls, mesh: Mesh, samples: ScanSamples) -> Scan:
         unit_from_world = samples.world_from_unit.inverse
         return cls(samples, RayCaster(unit_from_world.apply(mesh.vertices), mesh.faces))
 

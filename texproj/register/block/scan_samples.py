@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 from texproj.arrays import Bools, Doubles, Floats
 from texproj.mesh import Mesh, face_cross, norms
 from texproj.register.block.similarity import Similarity
+from texproj.register.block.subject import in_relief
 
 SAMPLES = 40_000
 NEIGHBORS = 24
@@ -24,8 +25,16 @@ MOST_RIM = 0.5
 """A larger share of samples at borders means that the mesh is in pieces; then there is no rim."""
 LOOKUP_CELLS = 96
 """Cells along the longest side of the table of nearest samples."""
-LOOKUP_MARGIN = 0.3
+LOOKUP_MARGIN, LOOKUP_REACH = 0.3, 4.0
+"""How far it goes beyond the mesh, and from its middle."""
+LEAST_RELIEF, MOST_RELIEF = 0.02, 0.6
+"""Share of the surface, and size relative to the mesh, between which the relief is a scene of its
+own ..."""
+AROUND_RELIEF = 3.0
+"""... that reaches so far, in its own sizes."""
 MEDIAN_ROUNDS = 30
+FACES_AT_ONCE = 1 << 19
+"""Bounds the memory for large meshes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +72,32 @@ class ScanSamples:
         """Points spread evenly over the surface."""
         rng = np.random.default_rng(seed)
         xyz, normal = _spread(mesh, SAMPLES, rng)
-        middle, size = middle_and_size(xyz)
+        return cls._made(mesh, xyz, normal, *middle_and_size(xyz))
+
+    @classmethod
+    def of_relief(cls, mesh: Mesh, whole: ScanSamples, seed: int = 0) -> ScanSamples | None:
+        """Points around what is neither floor nor wall, in the frame in which that has size 1;
+        None where it is not much smaller than the `whole` mesh.
+        """
+        left = in_relief(whole.xyz, whole.normal, seed)
+        if left.sum() < LEAST_RELIEF * len(left):
+            return None
+        middle, size = middle_and_size(whole.xyz[left].astype(np.float64))
+        if size > MOST_RELIEF:
+            return None
+        middle, size = (
+            whole.world_from_unit.apply(middle[None])[0],
+            whole.world_from_unit.scale * size,
+        )
+        corners = mesh.vertices[mesh.faces[:, 0]]
+        near = Mesh(mesh.vertices, mesh.faces[norms(corners - middle) < AROUND_RELIEF * size])
+        xyz, normal = _spread(near, SAMPLES, np.random.default_rng(seed))
+        return cls._made(mesh, xyz, normal, middle, size)
+
+    @classmethod
+    def _made(
+        cls, mesh: Mesh, xyz: Doubles, normal: Doubles, middle: Doubles, size: float
+    ) -> ScanSamples:
         unit = ((xyz - middle) / size).astype(np.float32)
         partner = ~_at_rim((_border(mesh) - middle) / size, unit)
         if partner.mean() < 1 - MOST_RIM:
@@ -77,13 +111,14 @@ class ScanSamples:
     @cached_property
     def table(self) -> NearestTable:
         """The nearest samples, all over the mesh and a little around it."""
-        low = self.xyz.min(axis=0) - LOOKUP_MARGIN
-        span = self.xyz.max(axis=0) + LOOKUP_MARGIN - low
+        low = np.maximum(self.xyz.min(axis=0) - LOOKUP_MARGIN, -LOOKUP_REACH)
+        span = np.minimum(self.xyz.max(axis=0) + LOOKUP_MARGIN, LOOKUP_REACH) - low
         cell = float(span.max() / LOOKUP_CELLS)
         shape = tuple(int(n) for n in np.ceil(span / cell).astype(int))
-        where = np.minimum(((self.xyz - low) / cell).astype(int), np.array(shape) - 1)
+        where = np.floor((self.xyz - low) / cell).astype(int)
+        inside = ((where >= 0) & (where < shape)).all(axis=1)
         sample = np.full(shape, -1, np.int32)
-        sample[tuple(where.T)] = np.arange(len(self.xyz))
+        sample[tuple(where[inside].T)] = np.flatnonzero(inside)
         nearest = ndimage.distance_transform_edt(
             sample < 0, return_distances=False, return_indices=True
         )
@@ -102,15 +137,19 @@ def middle_and_size(xyz: Doubles) -> tuple[Doubles, float]:
 
 def _spread(mesh: Mesh, count: int, rng: np.random.Generator) -> tuple[Doubles, Doubles]:
     """(count, 3) points spread by area, stratified, and the unit normals of their faces."""
-    cross = face_cross(mesh.vertices, mesh.faces)
-    area = norms(cross)
+    parts = range(0, len(mesh.faces), FACES_AT_ONCE)
+    area = np.concatenate(
+        [norms(face_cross(mesh.vertices, mesh.faces[k : k + FACES_AT_ONCE])) for k in parts]
+    )
     total = np.cumsum(area)
     at = (np.arange(count) + rng.random(count)) / count * total[-1]
     face = np.minimum(np.searchsorted(total, at), len(area) - 1)
     u, v = np.sqrt(rng.random(count)), rng.random(count)
     weights = np.stack([1 - u, u * (1 - v), u * v], axis=1)
-    xyz = np.einsum("ni,nij->nj", weights, mesh.vertices[mesh.faces[face]])
-    return xyz, cross[face] / np.maximum(area[face], 1e-300)[:, None]
+    chosen = mesh.faces[face]
+    xyz = np.einsum("ni,nij->nj", weights, mesh.vertices[chosen])
+    cross = face_cross(mesh.vertices, chosen)
+    return xyz, cross / np.maximum(area[face], 1e-300)[:, None]
 
 
 def _smoothed(xyz: Floats, normal: Doubles) -> Floats:
@@ -124,15 +163,16 @@ def _smoothed(xyz: Floats, normal: Doubles) -> Floats:
 
 def _border(mesh: Mesh) -> Doubles:
     """(n, 3) middles of the edges that belong to one face only."""
-    f = mesh.faces.astype(np.int64)
-    ends = np.sort(np.concatenate([f[:, [0, 1]], f[:, [1, 2]], f[:, [2, 0]]]), axis=1)
-    key = ends[:, 0] * len(mesh.vertices) + ends[:, 1]
-    order = np.argsort(key)
-    ranked = key[order]
-    lonely = np.ones(len(key), bool)
-    lonely[1:] &= ranked[1:] != ranked[:-1]
-    lonely[:-1] &= ranked[1:] != ranked[:-1]
-    return mesh.vertices[ends[order[lonely]]].mean(axis=1)
+    count = len(mesh.vertices)
+    edges = np.empty((3, len(mesh.faces)), np.int64)
+    for k in range(3):
+        a, b = mesh.faces[:, k], mesh.faces[:, (k + 1) % 3]
+        edges[k] = np.minimum(a, b) * np.int64(count) + np.maximum(a, b)
+    ranked = edges.ravel()
+    ranked.sort()
+    differs = ranked[1:] != ranked[:-1]
+    lonely = np.append(True, differs) & np.append(differs, True)
+    return mesh.vertices[np.stack(np.divmod(ranked[lonely], count))].mean(axis=0)
 
 
 def _at_rim(border: Doubles, xyz: Floats) -> Bools:

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from texproj.register.block.decide import Judged, judged, same_place
-from texproj.register.block.propose import SCALE_BATCHES, Place, Proposer
+from texproj.register.block.propose import PART_SCALES, SCALE_BATCHES, Place, Proposer
 from texproj.register.block.witnesses import Witness
 
 Told = Callable[[str, float], None]
 """``told(what, share)``: what is being done and the share of all that is done, 0 .. 1; whoever
 listens may raise to stop the work."""
 
-TRIED = 5
-"""Places of a batch of scales that the photos are asked about, at most."""
+TRIED, TRIED_OF_PARTS = 5, 2
+"""Places of a batch of scales that the photos are asked about, at most; the second where block or
+mesh is reduced to what it is about."""
 WORTH_TRYING = 0.3
 """... and only those whose lines of sight are at least so good, relative to the best known."""
 NEARBY = 0.2
@@ -25,24 +26,26 @@ SURE_SUPPORT = 0.45
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """witnesses: the photos that are asked about every place."""
+    """proposers: the likeliest first; witnesses: the photos that are asked about every place."""
 
-    proposer: Proposer
+    proposers: Iterable[Proposer]
     witnesses: tuple[Witness, ...]
     told: Told
 
     def run(self) -> list[Judged]:
         """All places that the photos were asked about, the best first."""
         found: list[Judged] = []
-        for k, scales in enumerate(SCALE_BATCHES):
-            share = k / len(SCALE_BATCHES)
-            self.told("comparing the photos' points with the mesh", share)
-            places = self.proposer.places(scales)
-            self.told("asking the photos", share)
-            self._ask(self._worth_asking(places, found), found)
-            if found and _best(found).support >= SURE_SUPPORT:
-                break
-        return sorted(found, key=lambda j: -j.support)
+        for k, proposer in enumerate(self.proposers):
+            for j, scales in enumerate((PART_SCALES,) if k else SCALE_BATCHES):
+                share = 0.6 - 0.6 / (1 + j + k)
+                self.told("comparing the photos' points with the mesh", share)
+                places = proposer.places(scales)
+                self.told("asking the photos", share)
+                most = TRIED_OF_PARTS if k else TRIED
+                self._ask(self._worth_asking(places, found, most), found)
+                if found and _best(found).support >= SURE_SUPPORT:
+                    return _ranked(found)
+        return _ranked(found)
 
     def _ask(self, places: list[Place], found: list[Judged]) -> None:
         """Adds to `found`, until the photos are sure of one place and another was tried."""
@@ -56,16 +59,16 @@ class Search:
         """Nothing new is to be learnt of a place from which the photos would lead to the best."""
         if not found or _best(found).support < SURE_SUPPORT:
             return False
-        return self.proposer.gap(place, _best(found).place) < NEARBY
+        return place.gap(_best(found).place) < NEARBY
 
-    def _worth_asking(self, places: list[Place], found: list[Judged]) -> list[Place]:
+    def _worth_asking(self, places: list[Place], found: list[Judged], most: int) -> list[Place]:
         """The likely ones, and in any case one that is elsewhere."""
         sights = [p.sight for p in places] + [j.place.sight for j in found]
         least = WORTH_TRYING * max(sights, default=0.0)
-        likely = [p for p in places if p.sight >= least > 0][:TRIED]
+        likely = [p for p in places if p.sight >= least > 0][:most]
         if not likely:
             return []
-        elsewhere = [p for p in places if self.proposer.gap(p, likely[0]) >= NEARBY][:1]
+        elsewhere = [p for p in places if p.gap(likely[0]) >= NEARBY][:1]
         return likely + [p for p in elsewhere if p not in likely]
 
     def _decided(self, found: list[Judged]) -> bool:
@@ -79,4 +82,8 @@ class Search:
 
 
 def _best(found: list[Judged]) -> Judged:
-    return max(found, key=lambda j: j.support)
+    return _ranked(found)[0]
+
+
+def _ranked(found: list[Judged]) -> list[Judged]:
+    return sorted(found, key=lambda j: -j.support)

@@ -56,7 +56,7 @@ export function hideJob(): void {
 export function lockButtons(): void {
   const busy = running !== null && MAKING.includes(running.kind);
   for (const button of document.querySelectorAll<HTMLButtonElement>("button[data-starts]")) {
-    button.disabled = busy;
+    button.disabled = busy || button.dataset.off === "true";
     const words = (button.dataset.words ??= button.textContent!);
     button.textContent = busy && button.dataset.starts === running!.kind ? button.dataset.busy! : words;
   }

@@ -132,7 +132,7 @@ function factsOf(photo: PhotoFacts): string {
 function why(photo: PhotoFacts): HTMLElement {
   const box = el("div", { class: "why" });
   if (photo.picks_error) box.append(photo.picks_error);
-  else if (grade(photo) !== "good") {
+  else if (grade(photo) !== "good" && (photo.status !== "none" || photo.picks)) {
     if (photo.reason) box.append(photo.reason);
     if (photo.advice) box.append(el("b", {}, photo.advice));
   }

@@ -16,7 +16,7 @@ function stateSection(mode: PickMode): HTMLElement {
   const { kind, words } = verdict(mode);
   const count = mode.picks.filter(isPair).length;
   const solve = el("button", { type: "button", class: "main", id: "solve", "data-starts": "solve", "data-busy": "Solving\u2026", onclick: () => void mode.solve() }, "Solve camera");
-  solve.disabled = count < 4;
+  solve.dataset.off = String(count < 4);
   const leave = el("button", { type: "button", id: "leave-pick", onclick: () => mode.leave() }, "Done");
   return section(
     "Picking",

@@ -32,7 +32,7 @@ function content(photos: PhotoFacts[], tried: boolean, act: StartActions): HTMLE
     el("ol", {},
       way("All photos together", "No click. For photos that overlap each other by half.", run),
       way("8 points in one photo", "One that shows much of the model and overlaps others; these are then found from it.", pick),
-      way("Cameras of another program", "COLMAP, Metashape, RealityScan, Meshroom and others: ", el("code", {}, "texproj import DIR FILE")),
+      way("Cameras of another program", "COLMAP, Metashape, RealityScan, Meshroom and others.", el("code", {}, "texproj import DIR FILE")),
     ),
     el("div", { class: "button-row end" }, close),
   ];
