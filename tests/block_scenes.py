@@ -50,6 +50,45 @@ def moved(mesh: Mesh, by: Similarity) -> Mesh:
     return Mesh(by.apply(mesh.vertices), mesh.faces)
 
 
+def in_a_room(mesh: Mesh) -> Mesh:
+    """The mesh on a floor of 50 x 50, with a wall behind and two aside."""
+    corner, span = np.array([-25.0, 4, -25]), np.array([50.0, -24, 30])
+    x, y, z = np.diag(span)
+    sides = [(corner, x, z), (corner + z, x, y), (corner, z, y), (corner + x, y, z)]
+    parts = [trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)]
+    for start, a, b in sides:
+        square = trimesh.creation.box(bounds=[(0, 0, 0), (1, 1, 1)])
+        flat = trimesh.Trimesh(
+            start + square.vertices[:, :1] * a + square.vertices[:, 1:2] * b,
+            square.faces[np.abs(square.face_normals[:, 2]) > 0.5][:2],
+            process=False,
+        )
+        parts.append(flat.subdivide().subdivide().subdivide())
+    whole = trimesh.util.concatenate(parts)
+    return Mesh(whole.vertices, whole.faces)
+
+
+def with_background(block: Reconstruction, frame: Similarity, count: int = 3000) -> Reconstruction:
+    """The block with points of a landscape far behind that every photo shows; frame: block from
+    world.
+    """
+    rng = np.random.default_rng(0)
+    far = rng.uniform((-40, -40, 6), (40, 40, 40), (count, 3))
+    photos = len(block.names)
+    more = photos * np.arange(1, count + 1)
+    return Reconstruction(
+        block.names,
+        block.cameras,
+        block.lenses,
+        np.concatenate([block.points, frame.apply(far)]),
+        np.append(block.error_px, np.full(count, 0.7)),
+        np.append(block.angle_rad, np.full(count, 0.1)),
+        np.append(block.track_starts, block.track_starts[-1] + more),
+        np.append(block.observer, np.tile(np.arange(photos), count)),
+        np.concatenate([block.xy_px, np.zeros((photos * count, 2), np.float32)]),
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class Wall:
     """A relief of which six photos are taken."""

@@ -9,7 +9,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from block_scenes import Wall, block_of, error_percent, mirrored, moved, random_similarity
+from block_scenes import (
+    Wall,
+    block_of,
+    error_percent,
+    in_a_room,
+    mirrored,
+    moved,
+    random_similarity,
+    with_background,
+)
 
 from texproj.errors import RegistrationError
 from texproj.mesh import Mesh, vertex_normals
@@ -18,7 +27,7 @@ from texproj.register.block.block_fit import BlockFit
 from texproj.register.block.cloud import CELL, Cloud
 from texproj.register.block.place import place_block
 from texproj.register.block.placed_block import Matched, PatchFit, PlacedBlock
-from texproj.register.block.propose import Proposer
+from texproj.register.block.propose import PART_SCALES, Proposer, proposers
 from texproj.register.block.scan import Scan
 from texproj.register.block.similarity import Similarity
 from texproj.register.block.surface_fit import Known, SurfaceFit
@@ -85,6 +94,7 @@ def test_a_wrong_mesh_is_refused(which, monkeypatch):
     """Though the block is tried at exactly the size at which it fits the right one; the reason
     says what to do."""
     monkeypatch.setattr(search, "SCALE_BATCHES", ((FITTING,),))
+    monkeypatch.setattr(search, "PART_SCALES", (FITTING,))
     rng = np.random.default_rng(3)
     mesh = wall(1).mesh if which == "another wall" else mirrored(wall(0).mesh)
     try:
@@ -115,6 +125,30 @@ def test_the_same_seed_proposes_the_same_places():
     for a, b in zip(first, second, strict=True):
         np.testing.assert_array_equal(a.world_from_block.R, b.world_from_block.R)
         np.testing.assert_array_equal(a.world_from_block.t, b.world_from_block.t)
+
+
+@pytest.mark.parametrize("which", ["scan of a room", "photos of a landscape"])
+def test_what_surrounds_the_thing_does_not_hide_its_size(which):
+    """Block and mesh differ in size by more than any scale tried, but one way of looking at them
+    brings the true scale close to one that is tried."""
+    rng = np.random.default_rng(9)
+    world_from_wall, block_from_wall = random_similarity(rng), random_similarity(rng)
+    block = block_of(wall(0).solid, wall(0).cameras, block_from_wall)
+    mesh = wall(0).mesh
+    if which == "scan of a room":
+        mesh = in_a_room(mesh)
+    else:
+        block = with_background(block, block_from_wall)
+    mesh = moved(mesh, world_from_wall)
+    cloud, scan = Cloud.of(block), Scan.of(mesh)
+    ratios = []
+    for way in proposers(block, mesh, cloud, scan, 0):
+        world_from_unit = way.scan.samples.world_from_unit
+        truth = world_from_unit.inverse @ world_from_wall @ block_from_wall.inverse
+        ratios.append((truth @ way.cloud.block_from_unit).scale)
+
+    assert abs(np.log(ratios[0])) > np.log(2.2)
+    assert np.abs(np.log(np.divide.outer(ratios[1:], PART_SCALES))).min() < 0.1
 
 
 def test_any_beginning_of_a_cloud_is_spread_over_the_shape():

@@ -27,6 +27,8 @@ ROTATIONS = 552
 """About 30 degrees between neighbors: within the reach of the closest points."""
 SCALE_BATCHES = ((1.04, 0.9, 1.2), (0.78, 1.38, 0.68, 1.6), (0.58, 1.85, 0.5, 2.2))
 """Sizes of the block relative to the mesh, the likeliest first."""
+PART_SCALES = (1.0, 0.82, 1.22, 0.68)
+"""The same where either is reduced to what it is about."""
 WIDE = Schedule(160, (0.2, 0.2, 0.16, 0.13, 0.1, 0.08, 0.065, 0.05))
 NEAR = Schedule(600, (0.08, 0.065, 0.05, 0.04, 0.04, 0.04))
 EXACT = Schedule(2000, (0.03, 0.025, 0.02, 0.015, 0.012, 0.01, 0.01))

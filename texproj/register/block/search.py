@@ -6,15 +6,16 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from texproj.register.block.decide import Judged, judged, same_place
-from texproj.register.block.propose import SCALE_BATCHES, Place, Proposer
+from texproj.register.block.propose import PART_SCALES, SCALE_BATCHES, Place, Proposer
 from texproj.register.block.witnesses import Witness
 
 Told = Callable[[str, float], None]
 """``told(what, share)``: what is being done and the share of all that is done, 0 .. 1; whoever
 listens may raise to stop the work."""
 
-TRIED = 5
-"""Places of a batch of scales that the photos are asked about, at most."""
+TRIED, TRIED_OF_PARTS = 5, 2
+"""Places of a batch of scales that the photos are asked about, at most; the second where block or
+mesh is reduced to what it is about."""
 WORTH_TRYING = 0.3
 """... and only those whose lines of sight are at least so good, relative to the best known."""
 NEARBY = 0.2
@@ -35,12 +36,13 @@ class Search:
         """All places that the photos were asked about, the best first."""
         found: list[Judged] = []
         for k, proposer in enumerate(self.proposers):
-            for j, scales in enumerate(SCALE_BATCHES[:1] if k else SCALE_BATCHES):
+            for j, scales in enumerate((PART_SCALES,) if k else SCALE_BATCHES):
                 share = 0.6 - 0.6 / (1 + j + k)
                 self.told("comparing the photos' points with the mesh", share)
                 places = proposer.places(scales)
                 self.told("asking the photos", share)
-                self._ask(self._worth_asking(places, found), found)
+                most = TRIED_OF_PARTS if k else TRIED
+                self._ask(self._worth_asking(places, found, most), found)
                 if found and _best(found).support >= SURE_SUPPORT:
                     return _ranked(found)
         return _ranked(found)
@@ -59,11 +61,11 @@ class Search:
             return False
         return place.gap(_best(found).place) < NEARBY
 
-    def _worth_asking(self, places: list[Place], found: list[Judged]) -> list[Place]:
+    def _worth_asking(self, places: list[Place], found: list[Judged], most: int) -> list[Place]:
         """The likely ones, and in any case one that is elsewhere."""
         sights = [p.sight for p in places] + [j.place.sight for j in found]
         least = WORTH_TRYING * max(sights, default=0.0)
-        likely = [p for p in places if p.sight >= least > 0][:TRIED]
+        likely = [p for p in places if p.sight >= least > 0][:most]
         if not likely:
             return []
         elsewhere = [p for p in places if p.gap(likely[0]) >= NEARBY][:1]
