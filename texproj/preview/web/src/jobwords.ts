@@ -8,7 +8,7 @@ export const MAKING = ["run", "register", "color", "solve"];
 const STAGES: Record<string, string> = {
   features: "looking for points in the photos",
   matching: "comparing photos with each other",
-  reconstruction: "placing the photos to each other",
+  placing: "placing the photos to each other",
   block: "placing all photos on the model",
   register: "finding the cameras",
   refine: "refining all cameras together",
