@@ -184,6 +184,8 @@ def test_a_photo_that_contradicts_the_others_is_named(scene):
 
     assert found.contradicts == ("4.jpg",)
     assert scene.errors_px(found).max() < 1.5
+    with pytest.raises(RegistrationError, match=r"0\.jpg, 4\.jpg contradict each other"):
+        anchored(scene.block, [anchors[0], anchors[2]])
 
 
 def test_what_shows_too_little_of_the_mesh_is_refused(scene):

@@ -174,3 +174,37 @@ def test_the_reference_cameras_of_the_real_scenes_are_read(real_data):
         assert len(file.records) == count
         assert all(record.camera for record in file.records)
         assert "source" in file.extra
+
+
+def test_what_registration_and_refinement_left_is_a_field_and_is_written_as_it_was(tmp_path):
+    """`start` and `before_refine`, as every version has written them: byte by byte the same."""
+    plain = {key: value for key, value in entry().items() if key != "file"}
+    own = {"note": 1, "start": plain, **entry(t=[1, 2, 3.5])}
+    refined = {"entry": own, "refined": "abc", "asked": True}
+    whole = {"note": 1, "start": plain, "before_refine": refined, **entry()}
+    record = read_cameras(written(tmp_path, whole)).records[0]
+
+    assert record.sought and record.start.pose.t.tolist() == [1, 2, 3]
+    assert record.refinement.own.pose.t.tolist() == [1, 2, 3.5] and record.refinement.asked
+    assert record.refinement.own.sought and record.extra == {"note": 1}
+    again = json.loads(json.dumps(whole), parse_int=float)  # matrices are of floating point
+    assert json.loads(json.dumps(entry_of_record(record)), parse_int=float) == again
+    assert list(entry_of_record(record)) == list(whole)
+    unsought = record_of_entry({**entry(), "start": None})
+    assert unsought.sought and unsought.start is None
+    assert not record_of_entry(entry()).sought
+
+
+@pytest.mark.parametrize(
+    ("left", "words"),
+    [
+        ({"start": 5}, "start: must be an entry"),
+        ({"start": {"width": 3}}, "start: height"),
+        ({"before_refine": {"entry": 3, "refined": ""}}, "before_refine: entry"),
+        ({"before_refine": {"refined": "x"}}, "before_refine: entry"),
+    ],
+)
+def test_what_registration_left_and_somebody_broke_is_named(tmp_path, left, words):
+    """Not kept in silence until it is needed: the key is named at once."""
+    with pytest.raises(InputError, match=words):
+        read_cameras(written(tmp_path, entry(**left)))

@@ -575,3 +575,22 @@ def test_a_glb_that_is_too_long_is_refused(tmp_path):
     with pytest.raises(OSError, match="at most 4 GB"):
         document.write(tmp_path / "model.glb", {})
     assert not (tmp_path / "model.glb").exists()
+
+
+@pytest.mark.parametrize("value", [5, None, {}, "x", [5, "A"], [["B"]]])
+def test_extensions_of_any_form_are_no_fault_of_the_page(tmp_path, value):
+    """What is no list of names requires nothing."""
+    text = json.dumps({"extensionsRequired": value}).encode()
+    head = struct.pack("<4sIII4s", b"glTF", 2, 20 + len(text), len(text), b"JSON")
+    (tmp_path / "m.glb").write_bytes(head + text)
+    assert required_extensions(tmp_path / "m.glb") == (("A",) if value == [5, "A"] else ())
+    (tmp_path / "m.glb").write_bytes(head[:12] + b"\xff" * 4 + b"JSON" + b"[" * 5000)
+    assert required_extensions(tmp_path / "m.glb") == ()
+
+
+@pytest.mark.parametrize("name", ["m.ply", "m.glb", "m.obj"])
+def test_a_cut_model_is_one_sentence(tmp_path, name):
+    """As it may lie there after a crash of the disk."""
+    (tmp_path / name).write_bytes(b"ply\nformat binary_little_endian 1.0\nelement vertex 9\n")
+    with pytest.raises(InputError, match=name):
+        read_model(tmp_path / name)

@@ -1,12 +1,13 @@
 """Damped least squares on problems whose answers are known on paper."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 from scipy import sparse
 
 from texproj.solve.lm import FAR, LmOptions, Loss, minimize
+from texproj.solve.reprojection import displacement_variance
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +134,24 @@ def test_priors_hold_a_parameter():
     assert abs(fit.x[1]) < 1e-8
     assert fit.x[0] == pytest.approx(y.mean(), abs=1e-6)
     assert np.sqrt(fit.covariance()[1, 1]) == pytest.approx(1e-6, rel=0.01)
+
+
+def test_a_covariance_that_cannot_be_computed_is_infinite(monkeypatch):
+    """No traceback out of the eigenvalues: nothing is known is a value, and no camera is sure."""
+    x = np.arange(5.0)
+    fit = minimize(Line(x, 1 + 2 * x), np.zeros(2))
+    broken = replace(fit, data_hessian=np.full((2, 2), np.nan))
+
+    assert np.isinf(broken.covariance()).all()
+    jacobian = np.ones((4, 2, 2))
+    assert np.isinf(displacement_variance(jacobian, broken.covariance())).all()
+    assert np.isfinite(displacement_variance(jacobian, np.eye(2))).all()
+
+    def fails(_):
+        raise np.linalg.LinAlgError("Eigenvalues did not converge")
+
+    monkeypatch.setattr(np.linalg, "eigh", fails)
+    assert np.isinf(fit.covariance()).all()
 
 
 def test_undetermined_parameters_have_infinite_covariance():

@@ -145,7 +145,7 @@ class Session:
                 with ExitStack() as open_now:
                     if not looks:
                         open_now.enter_context(at_work(project.work, f"preview: {title}", LOG.info))
-                        open_now.enter_context(logged(project.work / "log", f"preview: {title}"))
+                        open_now.enter_context(logged(project.log_folder, f"preview: {title}"))
                     bench = open_now.enter_context(SharedBench(project, self.surface, looks))
                     return work(bench, progress)
             except (TexprojError, Cancelled):

@@ -91,8 +91,8 @@ class _Run:
 
     waiting: those without an outcome; shaken: those of them that were found through others before,
     so that their old cameras prove nothing; own: what came of what was tried before others were
-    asked; places: the photos from whose place each was tried already; faulty: those that were in a
-    block when a fault was met.
+    asked; places: the photos from whose place each was tried already; faulty: those that met a
+    fault, alone or in a block.
     """
 
     def __init__(
@@ -267,6 +267,7 @@ class _Run:
         self.progress(STAGE, done, len(self.chosen), name)
         job, before = self.job(name), self.entries.get(name)
         found, why = _searched(job, search)
+        self.faulty |= {name} if FAULT in why else set()
         if found.fit is None and name in self.faulty:
             why = {**why, FAULT: True}
         record = _record(job, found, why)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from texproj.arrays import Doubles, Floats, Index
-from texproj.register.block.focus import aim_of
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.block.scan_samples import middle_and_size
 from texproj.register.block.similarity import Similarity
+from texproj.register.block.subject import aim_of
 
 MOST_ERROR_PX, LEAST_ANGLE_RAD = 1.5, np.radians(2.0)
 """Points with a larger reprojection error or a smaller angle between their rays are left out ..."""

@@ -12,8 +12,8 @@ from scipy.spatial import cKDTree
 
 from texproj.arrays import Bools, Doubles, Floats
 from texproj.mesh import Mesh, face_cross, norms
-from texproj.register.block.focus import in_relief
 from texproj.register.block.similarity import Similarity
+from texproj.register.block.subject import in_relief
 
 SAMPLES = 40_000
 NEIGHBORS = 24

@@ -109,7 +109,7 @@ function uprightSection(up: Axis, act: PanelActions): HTMLElement {
     }, axis.replace("-", "\u2212")),
   );
   const roll = (words: string, degrees: number) =>
-    el("button", { type: "button", "aria-label": `Roll by ${degrees} degrees`, onclick: () => act.roll(degrees) }, words);
+    el("button", { type: "button", title: `Roll the view by ${degrees} degrees`, onclick: () => act.roll(degrees) }, words);
   return section(
     "Up axis",
     el("div", { class: "axes", role: "radiogroup", "aria-label": "Up axis" }, ...axes),
