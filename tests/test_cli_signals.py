@@ -1,5 +1,6 @@
 """Stopping is answered in a sentence at any moment; commands that read write nothing."""
 
+import json
 import os
 import signal
 import subprocess
@@ -70,6 +71,8 @@ def test_what_nothing_uses_is_told_and_logged(project_folder, capsys):
 
     main(["report", str(project_folder)])
     assert "nobody.png is ignored" in capsys.readouterr().err
+    facts = json.loads((project_folder / "out" / "report.json").read_text())
+    assert "nobody.png is ignored" in facts["ignored"][0]
     log = (project_folder / "work" / "log" / "texproj.log").read_text()
     assert "nobody.png is ignored" in log
     assert "report (texproj" in log

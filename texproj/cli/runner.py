@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 from texproj.cli import talk
 from texproj.cli.exits import DONE, SOME_FAILED, UNUSABLE
-from texproj.cli.shared import tell_notes
+from texproj.cli.shared import tell_ignored
 from texproj.project import Project
 from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress
@@ -43,9 +43,9 @@ def run_stage(project: Project, json: bool, stage: Callable[[Any, Progress], Out
 
 def tell(project: Project, outcome: Outcome, json: bool) -> int:
     """Say what came of a command; returns the exit code."""
-    notes = tell_notes(project)
+    ignored = tell_ignored(project)
     if json:
-        talk.say_json(outcome.as_dict() | {"notes": notes})
+        talk.say_json(outcome.as_dict() | {"ignored": ignored})
     else:
         for line in outcome.lines():
             talk.say(line)

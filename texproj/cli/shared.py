@@ -55,7 +55,7 @@ def project_at_work(folder: Path, flags: Any, verbose: bool, command: str) -> It
             raise
 
 
-def tell_notes(project: Project) -> list[str]:
+def tell_ignored(project: Project) -> list[str]:
     """Say what a person put into the project and nothing uses; returns the sentences."""
     notes = list(project.notes)
     for note in notes:

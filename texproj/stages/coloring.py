@@ -247,6 +247,6 @@ def _photo_inputs(project: Project, name: str, record: CameraRecord) -> Inputs:
 
 def _outcome(project: Project, record: dict[str, Any], kept: bool) -> ColorOutcome:
     files, used = tuple(record["outputs"]), tuple(record["used"])
-    notes = (*project.notes, *record.get("mesh notes", ()))
+    notes = tuple(record.get("mesh notes", ()))
     failed, quality = record["failed"], record["quality"]
     return ColorOutcome(project.out, files, used, failed, quality, notes, kept)

@@ -117,6 +117,7 @@ def _inputs(project: Project) -> Inputs:
         "texproj": __version__,
         "cameras": json_hash([_shown(r) for r in project.load_cameras().values()]),
         "model": json_hash(project.load_record(COLOR)),
+        "what nothing uses": json_hash(project.notes),
         **file_inputs(project, **shown),
     }
 
@@ -152,6 +153,7 @@ def _facts(bench: Workbench, records: dict[str, CameraRecord]) -> dict[str, Any]
             "repairs": source.repairs,
             "notes": list(source.notes),
         },
+        "ignored": list(project.notes),
         "refinement": _refinement(project, records),
         "photos": photos,
         "color": color and {**color, "files": list(color["outputs"])},

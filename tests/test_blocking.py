@@ -1,0 +1,109 @@
+"""Nothing but photos and a mesh: the photos are placed all together, or refused together."""
+
+import shutil
+
+import numpy as np
+import pytest
+import trimesh
+
+from texproj.formats.cameras import read_cameras
+from texproj.project import Project
+from texproj.records import THROUGH
+from texproj.stages.bench import Workbench
+from texproj.stages.blocking import place_together
+from texproj.stages.progress import silent
+from texproj.stages.registering import register_photos
+
+pytest.importorskip("pycolmap", reason="COLMAP has no package for this machine")
+
+
+def without_starts(sample, folder):
+    """The sample with nothing but its photos and its mesh."""
+    for name in ("mesh", "photos", "truth"):
+        shutil.copytree(sample / name, folder / name)
+    return Project.open(folder)
+
+
+def truth_of(project):
+    return {r.file: r for r in read_cameras(project.root / "truth/cameras.json").records}
+
+
+def off_percent(project, cameras):
+    """Mean distance of the surface from its true place, percent of the photo's width, by photo."""
+    points, truth = project.load_mesh().mesh.vertices[::53], truth_of(project)
+    found = {}
+    for name, camera in cameras.items():
+        moved = camera.project(points)[0] - truth[name].camera.project(points)[0]
+        found[name] = 100 * float(np.linalg.norm(moved, axis=1).mean()) / camera.width
+    return found
+
+
+@pytest.fixture(scope="module")
+def placed(sample, tmp_path_factory):
+    """The sample registered without any start."""
+    project = without_starts(sample, tmp_path_factory.mktemp("block") / "stele")
+    with Workbench(project) as bench:
+        outcomes = register_photos(bench)
+    return project, outcomes
+
+
+def test_loose_photos_are_registered_without_a_click(placed):
+    """All six, each within .8 % of the width, and that is how sure the block says it is."""
+    project, outcomes = placed
+    records = project.load_cameras()
+    off = off_percent(project, {name: r.registered_camera for name, r in records.items()})
+
+    assert [outcome.failed for outcome in outcomes] == [False] * 6
+    assert {record.method for record in records.values()} == {"block"}
+    assert max(off.values()) < 0.8
+    told = np.median([r.quality["expected_error_px"] / r.width * 100 for r in records.values()])
+    assert 0.2 < told / np.median(list(off.values())) < 5
+
+
+def test_a_second_run_compares_nothing_again(placed):
+    """What was registered together is fresh together."""
+    project, _ = placed
+    with Workbench(Project.open(project.root)) as bench:
+        assert all(outcome.kept for outcome in register_photos(bench))
+
+
+def test_one_registered_photo_holds_all_others(placed, sample, tmp_path):
+    """The block goes where that photo puts it, and says through which photo it was found."""
+    project = without_starts(sample, tmp_path / "stele")
+    shutil.copytree(placed[0].work / "block", project.work / "block")  # features are known
+    anchors = {"IMG_0003.jpg": truth_of(project)["IMG_0003.jpg"]}
+    names = [name for name in project.photo_names if name not in anchors]
+    with Workbench(project) as bench:
+        found = place_together(bench, names, anchors, silent)
+    off = off_percent(project, {name: fit.camera for name, fit in found.items()})
+
+    assert list(found) == names
+    assert all(fit.accepted for fit in found.values())
+    assert {fit.quality[THROUGH][0] for fit in found.values()} == set(anchors)
+    assert max(off.values()) < 1.0
+
+
+def test_photos_of_another_thing_are_refused_together(placed, sample, tmp_path):
+    """A smooth ball is not the stone: no camera, and one sentence that says what to do."""
+    project = without_starts(sample, tmp_path / "ball")
+    shutil.copytree(placed[0].work / "block", project.work / "block")
+    project.mesh_path.unlink()
+    trimesh.creation.icosphere(subdivisions=5).export(tmp_path / "ball" / "mesh" / "ball.ply")
+    project = Project.open(project.root)
+    with Workbench(project) as bench:
+        outcomes = register_photos(bench)
+
+    assert all(outcome.failed for outcome in outcomes)
+    assert all("pick" in outcome.reason for outcome in outcomes)
+    assert all(record.camera is None for record in project.load_cameras().values())
+
+
+def test_two_photos_are_no_block(sample, tmp_path):
+    """They say what there is to do."""
+    project = without_starts(sample, tmp_path / "two")
+    for name in project.photo_names[2:]:
+        project.photo_path(name).unlink()
+    with Workbench(Project.open(project.root)) as bench:
+        outcomes = register_photos(bench)
+
+    assert all("nothing to start from" in outcome.reason for outcome in outcomes)
