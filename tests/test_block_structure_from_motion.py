@@ -10,6 +10,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from tempfile import mkdtemp
 
 import numpy as np
 import pytest
@@ -71,10 +72,9 @@ def kept(tmp_path_factory):
 
 def solved(kept, photos, load, listen=silent, **known):
     """The photos' places, with what the folder `kept` knows already."""
-    scratch = kept / f"scratch{len(list(kept.iterdir()))}"
-    scratch.mkdir()
+    scratch = mkdtemp(dir=kept)
     database = str(kept / "features.db")
-    return structure_from_motion(as_block(photos, **known), load, database, str(scratch), listen)
+    return structure_from_motion(as_block(photos, **known), load, database, scratch, listen)
 
 
 @pytest.fixture(scope="module")

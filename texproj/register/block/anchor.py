@@ -33,8 +33,6 @@ ROUNDS = 12
 LEAST_SCALE_PX = 0.3
 OUTSIDE = 3.0
 """Scales of the residuals beyond which a pair does not lie on the mesh: a tree, a visitor."""
-CORRELATED = 20.0
-"""Neighboring pairs that share their error, the mesh's shape."""
 BLOCK_ERROR = 3e-4
 """How exact a block is in itself, widths of the photo: blocks of real photos had .0001 - .0005."""
 LEAST_SHARE = 0.25
@@ -61,7 +59,8 @@ class Anchored:
     `pivot` (3,) world (rad, world axes), of the pivot's place (mesh units) and of the logarithm
     of its scale. expected_error_px: (p,) one standard deviation of the surface's image in each of
     the block's photos, full-size pixels. agreeing: (a,) share of each anchor's pairs that agree;
-    contradicts: names of the anchors that the others, and the block's shape, contradict.
+    residual_px: median distance on the mesh between a pair's points, pixels of the photo that
+    shows them; contradicts: names of the anchors that the others and the block's shape contradict.
     """
 
     world_from_block: Similarity
@@ -69,6 +68,7 @@ class Anchored:
     pivot: Doubles
     expected_error_px: Doubles
     agreeing: Doubles
+    residual_px: float
     contradicts: tuple[str, ...]
 
 
@@ -211,7 +211,7 @@ def _concluded(
         own = agree & (pairs.anchor == k)
         if not wrong[k] and own.any():
             motion = _motion(pairs.world[own], pivot) * pairs.px[own, None, None]
-            noise2 = anchors[k].expected_error_px ** 2 + CORRELATED * scale**2 / own.sum()
+            noise2 = anchors[k].expected_error_px ** 2 + scale**2
             information += 7 * np.einsum("nij,nik->jk", motion, motion) / (own.sum() * noise2)
     covariance = np.asarray(np.linalg.pinv(information), np.float64)
     return Anchored(
@@ -220,6 +220,7 @@ def _concluded(
         pivot=pivot,
         expected_error_px=_image_errors(block, place, pivot, covariance),
         agreeing=share,
+        residual_px=scale,
         contradicts=tuple(anchor.name for anchor, bad in zip(anchors, wrong, strict=True) if bad),
     )
 
