@@ -52,7 +52,8 @@ with open_renderer() as renderer:
 
 def run(*command: object, cwd: Path) -> str:
     line = [str(c) for c in command]
-    done = subprocess.run(line, cwd=cwd, capture_output=True, text=True, check=False)
+    alone = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+    done = subprocess.run(line, cwd=cwd, env=alone, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
     return done.stdout
 

@@ -132,3 +132,18 @@ def test_survey_coordinates_change_nothing(tmp_path):
 
     assert np.quantile(apart, 0.99) <= 4
     assert made["there"][1] == pytest.approx(made["here"][1], abs=0.05)
+
+
+def test_a_fault_in_refining_leaves_each_photo_its_own_registration(project_folder, monkeypatch):
+    """The model is made all the same, and the run says what it could not do."""
+
+    def fault(*_, **__):
+        raise np.linalg.LinAlgError("Eigenvalues did not converge")
+
+    monkeypatch.setattr("texproj.stages.running.refine_project", fault)
+    with Workbench(Project.open(project_folder)) as bench:
+        outcome = run_project(bench)
+
+    assert outcome.color is not None
+    assert "not refined together: internal fault" in outcome.fault
+    assert outcome.tally.fault == outcome.fault

@@ -1,12 +1,13 @@
 """Camera files of other programs, broken in every way: refused by a sentence, or read."""
 
 import json
+import os
 
 import numpy as np
 import pytest
 import trimesh
 from fuzzing import broken_bytes, broken_json, broken_text, refused_or_read
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
@@ -164,7 +165,7 @@ def test_bundler_list(data, place):
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory):
+def box(tmp_path_factory):
     """A box and two photos, one of which EXIF turns."""
     root = tmp_path_factory.mktemp("box")
     (root / "mesh").mkdir()
@@ -175,12 +176,12 @@ def bench(tmp_path_factory):
     exif[274] = 3
     for name in NAMES:
         Image.fromarray(noise).save(root / "photos" / name, exif=exif)
-    with Workbench(Project.open(root)) as made:
-        yield made
+    return Project.open(root)
 
 
+@settings(max_examples=int(os.environ.get("TEXPROJ_FUZZ_INPUTS", "60")) // 4)
 @given(data=st.data())
-def test_whole_import(data, bench, place):
+def test_whole_import(data, box, place):
     """What a reader lets through is looked at through the mesh, and ends in an entry or a
     sentence.
     """
@@ -188,6 +189,7 @@ def test_whole_import(data, bench, place):
     content = data.draw(broken_json(values))
 
     def imported(path):
-        return import_cameras(bench, path)
+        with Workbench(box) as bench:
+            return import_cameras(bench, path)
 
     refused_or_read(imported, place / "transforms.json", content, "import_cameras")

@@ -74,7 +74,7 @@ class Place:
         answer = self.runner.run(self.client.request(method, path, **more))
         INPUTS["page"] += 1
         assert answer.status_code in ALLOWED, (method, path, answer.text)
-        if answer.status_code >= 400:
+        if answer.status_code >= 400 and answer.status_code != 409:  # a conflict tells the picks
             assert 0 < len(answer.json()["error"]) < 2000
         return answer
 
@@ -177,13 +177,13 @@ def test_a_glb_that_requires_a_number_is_shown(page):
 
 def test_a_folder_in_place_of_picks_is_a_sentence(page):
     """Reading and writing name it; the page goes on."""
-    folder = page.root / "correspondences/0000.csv"
+    folder = page.root / "correspondences/0002.csv"
     folder.mkdir()
-    read = page.ask("GET", f"/api/photos/{PHOTO}/picks")
-    written = page.ask("PUT", f"/api/photos/{PHOTO}/picks", json={"picks": PICKS, "base": "none"})
+    read = page.ask("GET", "/api/photos/0002.png/picks")
+    written = page.ask("PUT", "/api/photos/0002.png/picks", json={"picks": PICKS, "base": "none"})
     facts = page.ask("GET", "/api/project")
     folder.rmdir()
 
-    assert "0000.csv" in read.json()["error"]
+    assert "0002.csv" in read.json()["error"]
     assert written.status_code == 422
     assert facts.status_code == 200

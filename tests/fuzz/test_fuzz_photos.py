@@ -168,6 +168,16 @@ def test_a_thumbnail_in_front_is_not_the_photo(place, marked):
     np.testing.assert_array_equal(read_photo(path, info).pixels, np.rot90(PIXELS, -1))
 
 
+def test_a_palette_of_a_strange_length_is_refused(place):
+    """Once it was no table of colors, and nobody looked."""
+    data = saved("TIFF", "P")
+    tag = struct.pack("<HHI", 320, 3, 768)
+    assert data.count(tag) == 1
+    (place / "p.tif").write_bytes(data.replace(tag, struct.pack("<HHI", 320, 3, 770)) + b"\0" * 8)
+    with pytest.raises(InputError, match=r"p\.tif: the photo is damaged"):
+        as_photo(place / "p.tif")
+
+
 def test_a_photo_below_its_thumbnail_is_found(place):
     """SubIFDs, as cameras and archives write them."""
     path = place / "sub.tif"

@@ -56,9 +56,11 @@ def _code(tally: Tally) -> int:
     if tally.unusable:
         talk.complain(tally.unusable)
         return SOME_FAILED if tally.failed else UNUSABLE
+    if tally.fault:
+        talk.complain(tally.fault)
     if tally.failed:
         talk.complain(
             f"{tally.failed} of {tally.total} photos could not be {tally.verb};"
             f" the reasons are above"
         )
-    return SOME_FAILED if tally.failed else DONE
+    return SOME_FAILED if tally.failed or tally.fault else DONE

@@ -180,8 +180,9 @@ class Handlers:
         return JSONResponse(job.as_dict(), status_code=202)
 
     def cancel_job(self, request: Request) -> Response:
-        found = self.session.jobs.cancel(request.path_params["number"])
-        return JSONResponse({"cancelled": found}, status_code=202 if found else 404)
+        if not self.session.jobs.cancel(request.path_params["number"]):
+            raise HTTPException(404, "there is no such job any more")
+        return JSONResponse({"cancelled": True}, status_code=202)
 
     def image(self, request: Request) -> Response:
         name, project = request.path_params["name"], self.session.project

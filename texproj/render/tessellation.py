@@ -13,6 +13,10 @@ from texproj.arrays import Floats
 MAX_ROUNDS = 12
 """Each round halves what is too long; twelve are enough for a face as large as 4000 pixels."""
 
+MOST_NEW_FACES = 500_000
+"""Splitting ends with the round that makes more: twice what a lens that exists needs for a picture
+of 24 megapixels; one that does not would be followed until memory ends."""
+
 Integers = NDArray[np.int32]
 
 
@@ -75,7 +79,7 @@ class Tessellation:
         out = self
         for _ in range(MAX_ROUNDS):
             long = _long_edges(out, view, max_span)
-            if not long.any():
+            if not long.any() or len(out.faces) > len(self.faces) + MOST_NEW_FACES:
                 break
             out = _split(out, long)
         return out

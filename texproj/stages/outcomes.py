@@ -20,12 +20,15 @@ UNUSABLE = "unusable_input"
 
 @dataclass(frozen=True)
 class Tally:
-    """How many of how many photos could not be `verb`; unusable: why there is no result at all."""
+    """How many of how many photos could not be `verb`; unusable: why there is no result at all;
+    fault: what a stage could not do for all photos together, though there is a result.
+    """
 
     failed: int
     total: int
     verb: str
     unusable: str = ""
+    fault: str = ""
 
 
 @dataclass(frozen=True, eq=False)

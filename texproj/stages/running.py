@@ -9,6 +9,7 @@ from typing import Any
 from texproj.errors import InputError
 from texproj.project import Project
 from texproj.records import CameraRecord
+from texproj.stages.attending import PhotoFaultError, attended
 from texproj.stages.bench import Workbench
 from texproj.stages.coloring import ColorOutcome, color_freshness, color_project
 from texproj.stages.freshness import Freshness
@@ -33,7 +34,7 @@ class RunOutcome:
     """What each stage did. color is None where no photo could be registered; `reason` says so.
 
     unrefined: photos that are back at their own registration, since the settings have switched
-    refinement off.
+    refinement off; fault: why refinement could not be done, which nobody foresaw.
     """
 
     photos: list[PhotoOutcome]
@@ -42,6 +43,7 @@ class RunOutcome:
     report: ReportOutcome
     reason: str = ""
     unrefined: tuple[str, ...] = ()
+    fault: str = ""
 
     @property
     def failed(self) -> dict[str, str]:
@@ -53,7 +55,7 @@ class RunOutcome:
     @property
     def tally(self) -> Tally:
         unusable = self.reason if self.color is None else ""
-        return Tally(len(self.failed), len(self.photos), "used", unusable)
+        return Tally(len(self.failed), len(self.photos), "used", unusable, self.fault)
 
     def lines(self) -> Iterator[str]:
         """For people."""
@@ -75,6 +77,7 @@ class RunOutcome:
             "report": self.report.as_dict()["files"],
             "reason": self.reason,
             "unrefined": self.unrefined,
+            "fault": self.fault,
         }
 
 
@@ -104,7 +107,7 @@ def run_project(bench: Workbench, progress: Progress = silent) -> RunOutcome:
     project.check_writable(project.work, project.out)
     photos = register_photos(bench, progress=progress)
     back = undo_refinement(project)
-    refined = _refined(bench, progress)
+    refined, fault = _refined(bench, progress)
     entries = project.load_cameras()
     photos = [_with_record(outcome, entries[outcome.name]) for outcome in photos]
     try:
@@ -112,16 +115,25 @@ def run_project(bench: Workbench, progress: Progress = silent) -> RunOutcome:
     except InputError as error:
         color, reason = None, NONE_REGISTERED if all(p.failed for p in photos) else str(error)
     report = report_project(bench, progress)
-    return RunOutcome(photos, refined, color, report, reason, back)
+    return RunOutcome(photos, refined, color, report, reason, back, fault)
 
 
-def _refined(bench: Workbench, progress: Progress) -> RefineOutcome | None:
+def _refined(bench: Workbench, progress: Progress) -> tuple[RefineOutcome | None, str]:
+    """What refining did, and why it could not be done if it met a fault: each photo keeps its own
+    registration then.
+    """
     if not _worth_refining(bench.project):
-        return None
-    try:
+        return None, ""
+
+    def refine() -> RefineOutcome:
         return refine_project(bench, progress, hold_imported=True)
+
+    try:
+        return attended("all photos together", refine), ""
+    except PhotoFaultError as error:
+        return None, f"the photos were not refined together: {error}"
     except InputError:  # fewer than two photos can be read; the color stage names them
-        return None
+        return None, ""
 
 
 def _with_record(outcome: PhotoOutcome, record: CameraRecord) -> PhotoOutcome:

@@ -146,6 +146,8 @@ def _full_range(pixels: NDArray[Any], bits: int) -> Values:
 
 def _with_colors(pixels: Values, photometric: str, colormap: NDArray[Any] | None) -> Raster:
     if photometric == "PALETTE" and colormap is not None:
+        if colormap.ndim != 2 or len(colormap) != 3:
+            raise Broken("its palette is damaged")
         colors = _palette(colormap)
         if pixels.dtype.kind != "u" or pixels.max(initial=0) >= len(colors):
             raise Broken("its palette is too short")

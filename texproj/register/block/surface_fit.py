@@ -19,12 +19,12 @@ from texproj.register.block.similarity import Similarity
 from texproj.solve.lm import LmOptions, Loss, minimize
 
 POINTS = 6000
-REACHES = (0.03, 0.02, 0.015, 0.015)
+REACHES = (0.03, 0.03, 0.02, 0.02, 0.015, 0.015)
 """Distance, sizes of the block, up to which points belong to the surface, round by round."""
 LEAST_POINTS = 50
 LEAST_SIGMA = 2e-4
 """No scan and no lens is known better, sizes of the block."""
-CORRELATED = 20.0
+CORRELATED = 5.0
 """How many points share an error (shape of the mesh, bending of the block); what is known weighs
 so much more."""
 LOSS = Loss("cauchy", 2.0)

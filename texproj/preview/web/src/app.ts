@@ -151,7 +151,7 @@ export class App implements Host {
     const photo = this.chosen ?? this.viewable[0]?.name ?? null;
     if (layer === "weights" && !this.chosen) this.chosen = photo;
     this.wanted = layer;
-    this.show();
+    if (layer !== this.look.layer) this.show();
     try {
       await this.loader.load(layer, this.facts!, photo, this.look.factor);
     } catch (error) {
@@ -265,7 +265,7 @@ export class App implements Host {
     frustums.set(this.facts.photos, surface.center, surface.radius, () => this.viewport.invalidate());
     if (first) this.goHome();
     if (first) this.viewport.onFirstFrame(() => (document.body.dataset.picture = "true"));
-    await this.setLayer(first ? this.bestLayer() : this.look.layer);
+    await this.setLayer(first ? this.bestLayer() : this.wanted);
     this.followCamera();
     this.applyLook();
     this.show();

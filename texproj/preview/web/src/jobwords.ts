@@ -6,7 +6,10 @@ import type { Job } from "./api.ts";
 export const MAKING = ["run", "register", "color", "solve"];
 
 const STAGES: Record<string, string> = {
-  block: "placing all photos together",
+  features: "looking for points in the photos",
+  matching: "comparing photos with each other",
+  placing: "placing the photos to each other",
+  block: "placing all photos on the model",
   register: "finding the cameras",
   refine: "refining all cameras together",
   color: "coloring the model",
@@ -23,9 +26,9 @@ export function jobWords(job: Job): string {
   return far ? `${job.title}: ${far}` : job.title;
 }
 
-function countWords({ stage, done, total, item }: Job): string {
+function countWords({ stage, done, total }: Job): string {
   if (total < 2) return "";
-  if (stage === "register" || item) return `photo ${Math.min(done + 1, total)} of ${total}`;
+  if (stage === "register" || stage === "features") return `photo ${Math.min(done + 1, total)} of ${total}`;
   return `${Math.round((done / total) * 100)} %`;
 }
 

@@ -72,3 +72,27 @@ export function windowAt(camera: Camera, uv: Vec2, scale: number): Window | null
   const xy = ideal(camera, ...uv);
   return xy && { x: xy[0], y: -xy[1], scale: scale * camera.f[0] };
 }
+
+/** Part of the distance by which the first view lies behind a photo's, so that the cameras show. */
+const STEP_BACK = 0.6;
+/** How far the first view is moved up and aside, so that the cameras do not hide the model. */
+const RAISE_RAD = 0.16;
+const ASIDE_RAD = 0.5;
+
+/** From what a photo shows at `depth` along `forward` to a viewer somewhat behind the photographer. */
+export function steppedBack(forward: THREE.Vector3, up: THREE.Vector3, depth: number): THREE.Vector3 {
+  const right = forward.clone().cross(up).normalize();
+  const away = forward.clone().multiplyScalar(-depth * (1 + STEP_BACK));
+  return away.applyAxisAngle(right, -RAISE_RAD).applyAxisAngle(up, ASIDE_RAD);
+}
+
+/** Cosine of the angle to the vertical beyond which a view is as good as from above. */
+const STEEP = 0.97;
+
+/** The way to the viewer once another axis is up: as it was, but not along that axis. */
+export function levelled(away: THREE.Vector3, before: THREE.Vector3, up: THREE.Vector3): THREE.Vector3 {
+  const distance = away.length();
+  if (Math.abs(away.dot(up)) <= STEEP * distance) return away.clone();
+  const down = away.clone().addScaledVector(up, -0.7 * away.dot(up));
+  return down.addScaledVector(before, 0.5 * distance).setLength(distance);
+}

@@ -6,29 +6,16 @@ import { Frustums } from "./frustums.ts";
 import type { Camera, Sides, Vec2, Vec3 } from "./lens.ts";
 import { sidesOfPhoto } from "./lens.ts";
 import { PhotoOverlay } from "./overlay.ts";
+import { COARSE, FINE, PLAIN, Quality, SETTLE_MS } from "./quality.ts";
 import { Surface } from "./surface.ts";
 import type { Pose, Window } from "./view.ts";
-import { clamp, mixSides, pointOf, poseOfCamera, sidesOfAngle, sidesOfWindow, tangentsAt } from "./view.ts";
+import {
+  clamp, levelled, mixSides, pointOf, poseOfCamera, sidesOfAngle, sidesOfWindow, steppedBack, tangentsAt,
+} from "./view.ts";
 
 const FIELD_OF_VIEW_DEG = 36;
 const FLIGHT_MS = 650;
-const SETTLE_MS = 160;
-/** Frames slower than this while moving bring in the light mesh. */
-const SLOW_FRAME_MS = 45;
-/** Pixels drawn per pixel shown, along an edge: moving on a slow machine, moving, still. */
-const COARSE = 0.5;
-const PLAIN = 1;
-const FINE = 2;
-/** Stillness after which the view is drawn fine. */
-const POLISH_MS = 700;
 const MAX_ZOOM = 64;
-/** Part of the distance by which the first view lies behind a photo's, so that the cameras show. */
-const STEP_BACK = 0.6;
-/** How far the first view is moved up and aside, so that the cameras do not hide the model. */
-const RAISE_RAD = 0.16;
-const ASIDE_RAD = 0.5;
-/** Cosine of the angle to the vertical beyond which a view is as good as from above. */
-const STEEP = 0.97;
 
 export class Viewport {
   readonly surface = new Surface();
@@ -51,9 +38,8 @@ export class Viewport {
   private flight: { from: Pose; to: Pose; start: number; ms: number; done: () => void } | null = null;
   private dirty = true;
   private movedAt = -Infinity;
-  private lastFrame = 0;
-  private slow = false;
-  private wasMoving = false;
+  private readonly wanted = new Quality();
+  private quality = PLAIN;
   private reach = 4;
 
   constructor(readonly canvas: HTMLCanvasElement) {
@@ -71,7 +57,7 @@ export class Viewport {
     return this.flight !== null;
   }
 
-  /** Whether it moves, or did until a moment ago. */
+  /** Whether it moves, or did a moment ago. */
   get moving(): boolean {
     return performance.now() - this.movedAt < SETTLE_MS || this.quality !== FINE || this.dirty;
   }
@@ -95,25 +81,17 @@ export class Viewport {
   /** Which way is up (scene axes), and how far out the cameras are. */
   setUp(up: THREE.Vector3, reach: number): void {
     this.reach = Math.max(4, (reach / this.surface.radius) * 2 + 1);
-    this.camera.up.copy(up);
-    this.controls.dispose();
-    this.controls = this.newControls();
+    this.orbitAbout(up);
   }
 
   /** Another way up, seen from the same side: what was level stays in the picture. */
   turnUp(up: THREE.Vector3): void {
     if (this.photoCamera) this.leavePhoto();
     const target = this.controls.target.clone();
-    const away = this.camera.position.clone().sub(target);
-    const distance = away.length();
-    if (Math.abs(away.clone().normalize().dot(up)) > STEEP) {
-      away.addScaledVector(up, -away.dot(up) * 0.7).add(this.camera.up.clone().multiplyScalar(distance * 0.5));
-    }
-    this.camera.up.copy(up);
-    this.controls.dispose();
-    this.controls = this.newControls();
+    const away = levelled(this.camera.position.clone().sub(target), this.camera.up, up);
+    this.orbitAbout(up);
     this.controls.target.copy(target);
-    this.camera.position.copy(target).addScaledVector(away.normalize(), distance);
+    this.camera.position.copy(target).add(away);
     this.controls.update();
     this.moved();
   }
@@ -130,11 +108,7 @@ export class Viewport {
     this.leavePhoto();
     const depth = Math.max(-eye.dot(forward), this.surface.radius * 0.3);
     this.controls.target.copy(eye).addScaledVector(forward, depth);
-    const back = depth * (1 + STEP_BACK);
-    const right = forward.clone().cross(this.camera.up).normalize();
-    const away = forward.clone().multiplyScalar(-back);
-    away.applyAxisAngle(right, -RAISE_RAD).applyAxisAngle(this.camera.up, ASIDE_RAD);
-    this.camera.position.copy(this.controls.target).add(away);
+    this.camera.position.copy(this.controls.target).add(steppedBack(forward, this.camera.up, depth));
     this.controls.update();
     this.moved();
   }
@@ -305,8 +279,10 @@ export class Viewport {
     return caster;
   }
 
-  private get aspect(): number {
-    return Math.max(this.size[0], 1) / Math.max(this.size[1], 1);
+  private orbitAbout(up: THREE.Vector3): void {
+    this.camera.up.copy(up);
+    this.controls.dispose();
+    this.controls = this.newControls();
   }
 
   private newControls(): OrbitControls {
@@ -344,7 +320,7 @@ export class Viewport {
 
   private currentSides(): Sides {
     if (this.photoCamera) return sidesOfWindow(this.window, this.size);
-    return sidesOfAngle(FIELD_OF_VIEW_DEG, this.aspect);
+    return sidesOfAngle(FIELD_OF_VIEW_DEG, this.camera.aspect);
   }
 
   private pose(): Pose {
@@ -388,9 +364,7 @@ export class Viewport {
       if (this.controls.enabled) this.controls.update();
       this.sides = this.currentSides();
     }
-    const moving = now - this.movedAt < SETTLE_MS;
-    this.watchSpeed(now, moving);
-    this.setQuality(moving ? (this.slow ? COARSE : PLAIN) : now - this.movedAt < POLISH_MS ? PLAIN : FINE);
+    this.setQuality(this.wanted.at(now, this.movedAt));
     if (!this.dirty) return;
     this.dirty = false;
     this.frames++;
@@ -400,8 +374,6 @@ export class Viewport {
     this.waiting = null;
   }
 
-  private quality = PLAIN;
-
   /** Coarse while a slow machine moves, plain when it stops, fine a moment later. */
   private setQuality(quality: number): void {
     if (quality === this.quality) return;
@@ -409,14 +381,6 @@ export class Viewport {
     this.surface.setMoving(quality === COARSE);
     this.renderer.setPixelRatio(quality * Math.min(Math.max(devicePixelRatio, 1), 2));
     this.dirty = true;
-  }
-
-  /** Once full frames prove slow while moving, the light mesh is used from then on. */
-  private watchSpeed(now: number, moving: boolean): void {
-    const took = now - this.lastFrame;
-    this.lastFrame = now;
-    if (moving && this.wasMoving && took > SLOW_FRAME_MS) this.slow = true;
-    this.wasMoving = moving;
   }
 
   private draw(sides: Sides): void {

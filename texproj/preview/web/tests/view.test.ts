@@ -2,8 +2,9 @@
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
+import * as THREE from "three";
 import type { Camera } from "../src/lens.ts";
-import { pixelOfWindow, pointOf, sidesOfAngle, sidesOfWindow, tangentsAt, windowAt } from "../src/view.ts";
+import { levelled, pixelOfWindow, pointOf, sidesOfAngle, sidesOfWindow, tangentsAt, windowAt } from "../src/view.ts";
 
 const CAMERA: Camera = {
   width: 640, height: 480, f: [610, 606], c: [350, 215], dist: [-0.12, 0.05], max_radius: null,
@@ -28,4 +29,12 @@ test("the angle spans the shorter edge", () => {
   const tall = sidesOfAngle(36, 0.5);
   assert.ok(Math.abs(wide.top - tall.right) < 1e-12);
   assert.ok(Math.abs(wide.right - 2 * wide.top) < 1e-12);
+});
+
+test("another way up leaves the distance, and never looks along itself", () => {
+  const [y, z] = [new THREE.Vector3(0, 1, 0), new THREE.Vector3(0, 0, 1)];
+  assert.deepEqual(levelled(new THREE.Vector3(5, 0, 1), y, z).toArray(), [5, 0, 1]);
+  const found = levelled(new THREE.Vector3(0, 0, 6), y, z);
+  assert.ok(Math.abs(found.length() - 6) < 1e-9);
+  assert.ok(found.dot(z) < 0.9 * 6);
 });
