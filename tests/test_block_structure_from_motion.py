@@ -17,7 +17,9 @@ import pytest
 from block_errors import errors_px
 from scenes import scan_of, scene_of, synthetic_pair, taken
 
+from texproj.camera import Intrinsics
 from texproj.colmap import run as colmap_run
+from texproj.colmap.messages import Lens, Task
 from texproj.demo.photographer import ShotOptions
 from texproj.demo.views import View
 from texproj.errors import InputError, RegistrationError
@@ -30,6 +32,7 @@ VIEWS = tuple(
     for azimuth, height in ((-24, 12), (-12, 20), (0, 10), (11, 22), (22, 14))
 )
 LONG_SIDE = 560
+LENS = Intrinsics(1600, 1200, 1500.0, 1500.0, 800.0, 600.0)
 
 
 def silent(what, done, total):
@@ -177,6 +180,46 @@ def test_a_calibrated_lens_stays_as_it_is(scene, kept, motion):
     assert [camera.intrinsics for camera in block.cameras] == [given] * len(data.photos)
     assert 0.01 < np.median(exact) < 0.001 * LONG_SIDE
     assert np.median(exact) < np.median(solved_too)
+
+
+def synthetic_model(center_px):
+    """COLMAP's own synthetic scene, noise .5 px, by a lens that is believed to be centered."""
+    import pycolmap
+
+    options = pycolmap.SyntheticDatasetOptions()
+    options.num_rigs = options.num_cameras_per_rig = 1
+    options.num_frames_per_rig, options.num_points3D = 8, 400
+    options.camera_width, options.camera_height = 1600, 1200
+    options.camera_params = [1500.0, *center_px, 0.0]
+    pycolmap.set_random_seed(1)
+    model = pycolmap.synthesize_dataset(options)
+    noise = pycolmap.SyntheticNoiseOptions()
+    noise.point2D_stddev = 0.5
+    pycolmap.synthesize_noise(noise, model)
+    for camera in model.cameras.values():
+        camera.params = [1500.0, 800.0, 600.0, 0.0]
+    return model
+
+
+@pytest.mark.parametrize("lens", ["off center", "centered", "calibrated"])
+def test_a_principal_point_is_solved_where_the_photos_tell_it(colmap, lens):
+    """A lens that is off center is found so to a fraction of a pixel; one that is centered, or
+    calibrated, stays exactly as it was.
+    """
+    from texproj.colmap.mapping import with_principal_points
+
+    model = synthetic_model((830, 575) if lens == "off center" else (800, 600))
+    known = LENS if lens == "calibrated" else None
+    keys = tuple(image.name for image in model.images.values())
+    task = Task("", "", keys, (Lens(1600, 1200, intrinsics=known),), (0,) * len(keys), 1)
+    (camera,) = with_principal_points(model, task).cameras.values()
+    found = (camera.principal_point_x, camera.principal_point_y)
+
+    if lens == "off center":
+        assert found == pytest.approx((830, 575), abs=0.6)
+        assert found != (830, 575)
+    else:
+        assert found == (800, 600)
 
 
 def test_nothing_is_found_where_the_mask_forbids(scene, tmp_path):

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sqlite3
 import threading
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -169,13 +171,26 @@ class FeatureStore:
 
 
 def _opened(path: Path) -> Any:
-    """The database. One that cannot be read is begun anew: nothing in it cannot be found again."""
+    """The database. A damaged one is begun anew: nothing in it cannot be found again."""
     try:
         return pycolmap.Database.open(path)
     except RuntimeError:
+        if not _damaged(path):
+            raise
         for file in path.parent.glob(f"{path.name}*"):  # with what SQLite keeps beside it
             file.unlink()
         return pycolmap.Database.open(path)
+
+
+def _damaged(path: Path) -> bool:
+    """Whether a file cannot be read as a database, rather than being out of reach or in use."""
+    try:
+        with closing(sqlite3.connect(path)) as database:
+            return bool(database.execute("PRAGMA quick_check").fetchone() != ("ok",))
+    except sqlite3.OperationalError:
+        return False
+    except sqlite3.DatabaseError:
+        return True
 
 
 def _facts(camera: Any) -> tuple[Any, ...]:

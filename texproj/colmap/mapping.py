@@ -49,7 +49,7 @@ def mapped(task: Task, calibrated: set[int], told: Callable[[int], None]) -> tup
         initial_image_pair_callback=next_photo, next_image_callback=next_photo,
     )  # fmt: skip
     rows = {key: k for k, key in enumerate(task.keys)}
-    freed = [_with_principal_points(model, task) for model in found.values()]
+    freed = [with_principal_points(model, task) for model in found.values()]
     models = [_model(model, rows, task) for model in freed]
     return tuple(sorted(models, key=lambda m: (-len(m.photos), -len(m.points))))
 
@@ -73,7 +73,7 @@ def _options(task: Task, calibrated: set[int]) -> Any:
     return options
 
 
-def _with_principal_points(model: Any, task: Task) -> Any:
+def with_principal_points(model: Any, task: Task) -> Any:
     """The model with solved principal points where the photos tell them clearly."""
     images = _placed(model)
     calibrated = {key for key, lens in zip(task.keys, task.lens_of, strict=True)
