@@ -26,6 +26,7 @@ from texproj.register.block.structure_from_motion import (
     structure_from_motion,
 )
 from texproj.render import GBuffer
+from texproj.resources.memory import return_freed_memory, trim
 from texproj.stages.bench import FEATURES_LONGEST, Workbench
 from texproj.stages.entries import expected_error_px, start_of
 from texproj.stages.lenses import lens_of
@@ -55,6 +56,7 @@ def place_together(
     anchors: registered photos, which hold the block on the mesh where it contains any. What was
     found of photos and pairs is kept in work/, so that an interrupted run goes on where it stopped.
     """
+    return_freed_memory()
     photos, told = _photos(bench, [*names, *anchors])
     if len(photos) < LEAST_PHOTOS:
         return {name: told[name] for name in names if name in told}
@@ -72,6 +74,7 @@ def place_together(
     told |= motion.left_out
     for part in motion.parts:
         told |= _placed(bench, part, anchors, progress)
+    trim()
     return {name: told[name] for name in names if name in told}
 
 
