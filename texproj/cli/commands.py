@@ -20,7 +20,7 @@ from texproj.errors import UsageError
 from texproj.settings import SECTIONS
 from texproj.version import __version__
 
-app = App(name="texproj", version=__version__, help=__doc__)
+app = App(name="texproj", version=__version__, help=__doc__, suppress_keyboard_interrupt=False)
 app.help = (
     "Color a 3D mesh from loose photographs: register each photo to the mesh, "
     "project its color, write the model."

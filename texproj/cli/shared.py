@@ -59,7 +59,7 @@ def tell_ignored(project: Project) -> list[str]:
     """Say what a person put into the project and nothing uses; returns the sentences."""
     notes = list(project.notes)
     for note in notes:
-        talk.complain(note)
+        talk.note(note)
         LOG.warning("%s", note)
     return notes
 

@@ -26,6 +26,11 @@ def complain(text: str) -> None:
     sys.stderr.write(f"texproj: {text}\n")
 
 
+def note(text: str) -> None:
+    """One line about what a person may not expect."""
+    sys.stderr.write(f"note: {text}\n")
+
+
 def say_json(value: Any) -> None:
     """The result, for a machine."""
     sys.stdout.write(json.dumps(value, indent=1, default=str) + "\n")
