@@ -90,7 +90,7 @@ def test_what_was_given_is_not_lost_when_a_photo_fails(project_folder, capsys):
     entry = Project.open(project_folder).load_cameras()[name]
 
     assert entry.status == "failed" and entry.pose is None
-    assert entry.extra["start"]["t"] == pytest.approx(list(start.pose.t))
+    assert list(entry.start.pose.t) == pytest.approx(list(start.pose.t))
     assert name in complaint(capsys) or name in entry.quality["reason"]
 
 

@@ -31,10 +31,10 @@ def started(*words):
 @pytest.mark.parametrize("seconds", [0.3, 1.5])
 def test_whoever_stops_a_run_is_answered(project_folder, asked, seconds):
     """Also while modules are loaded; a run that was quicker has ended with 0."""
-    process = started("run", project_folder)
-    time.sleep(seconds)
-    process.send_signal(asked)
-    _, said = process.communicate(timeout=60)
+    with started("run", project_folder) as process:
+        time.sleep(seconds)
+        process.send_signal(asked)
+        _, said = process.communicate()
 
     assert "Traceback" not in said
     assert process.returncode in (130, 0, -asked)

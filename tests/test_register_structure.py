@@ -197,9 +197,7 @@ def test_mirrored_photo_of_a_symmetric_wall_is_refused():
     wrong = replace(right, pixels=np.ascontiguousarray(right.pixels[:, ::-1]))
 
     assert register_structure(right, moved(front, (1, 0, 0)), wall.render).accepted
-    fit = register_structure(
-        wrong, moved(front, (1, 0, 0)), wall.render, StructureOptions(wider=False)
-    )
+    fit = register_structure(wrong, moved(front, (1, 0, 0)), wall.render, wider=False)
 
     assert not fit.accepted
     assert "left and right exchanged" in fit.reason
@@ -245,9 +243,9 @@ def test_verify_knows_right_from_wrong(wall, photo):
 
 def test_large_claimed_error_is_refused(wall, photo):
     """A camera is refused if its expected error exceeds what the options allow."""
-    strict = StructureOptions(max_error_percent=0.001, wider=False)
+    strict = StructureOptions(max_error_percent=0.001)
 
-    fit = register_structure(photo, moved(wall.camera, (1, 0, 0)), wall.render, strict)
+    fit = register_structure(photo, moved(wall.camera, (1, 0, 0)), wall.render, strict, wider=False)
 
     assert not fit.accepted
     assert "expected error" in fit.reason

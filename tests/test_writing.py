@@ -223,8 +223,8 @@ def test_the_page_offers_no_model_that_it_cannot_show(tmp_path):
     images = write_pages(tmp_path / "page", model.pages, "png")
     for kind, shown in (("png", True), ("webp", True), ("ktx2", False)):
         write_glb(tmp_path / "model.glb", model, images, kind)
-        assert (shown_stamp(tmp_path / "model.glb") is not None) == shown
-    assert shown_stamp(tmp_path / "nothing.glb") is None
+        assert (shown_stamp(tmp_path / "model.glb", tmp_path) is not None) == shown
+    assert shown_stamp(tmp_path / "nothing.glb", tmp_path) is None
 
 
 def test_the_light_mesh_of_the_page_takes_the_vertex_colors_of_a_glb(tmp_path):

@@ -11,6 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from texproj.errors import OutputError
+from texproj.files import write_failure
 
 LOCK, WHO = "lock", "at-work.json"
 LOOK_S = 0.2
@@ -44,7 +45,7 @@ def at_work(folder: Path, command: str, tell: Tell) -> Iterator[None]:
                 time.sleep(LOOK_S)
         (folder / WHO).write_text(json.dumps(_own(command)), encoding="utf-8")
     except OSError as error:
-        raise OutputError(f"cannot write to {folder}: {error.strerror}") from None
+        raise OutputError(write_failure(folder, error)) from None
     try:
         yield
     finally:

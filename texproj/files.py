@@ -57,7 +57,7 @@ def staging(target: Path) -> Iterator[Path]:
                 if file.name != CLAIM:
                     file.replace(target / file.name)
     except OSError as error:
-        raise OutputError(_write_failure(target, error)) from error
+        raise OutputError(write_failure(target, error)) from error
     finally:
         if folder is not None:
             shutil.rmtree(folder, ignore_errors=True)
@@ -79,7 +79,8 @@ def remove_unfinished(target: Path) -> None:
             shutil.rmtree(folder, ignore_errors=True)
 
 
-def _write_failure(target: Path, error: OSError) -> str:
+def write_failure(target: Path, error: OSError) -> str:
+    """Why `target` cannot be written, and what to do."""
     reasons = {
         errno.ENOSPC: "the disk is full; free some space",
         errno.EDQUOT: "the disk quota is used up; free some space",
@@ -117,4 +118,4 @@ def link_or_copy(source: Path, target: Path, link: bool) -> None:
         else:
             shutil.copyfile(source, target)
     except OSError as error:
-        raise OutputError(_write_failure(target, error)) from error
+        raise OutputError(write_failure(target, error)) from error

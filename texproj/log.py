@@ -14,6 +14,7 @@ from logging.handlers import RotatingFileHandler
 from pathlib import Path
 
 from texproj.errors import OutputError
+from texproj.files import write_failure
 
 LOG_FILE = "texproj.log"
 MOST_BYTES, OLDER_FILES = 1_000_000, 3
@@ -57,7 +58,7 @@ def logged(folder: Path, command: str) -> Iterator[Path]:
             errors="backslashreplace",
         )
     except OSError as error:
-        raise OutputError(f"cannot write to {folder}: {error.strerror}") from None
+        raise OutputError(write_failure(folder, error)) from None
     handler.setFormatter(logging.Formatter(LINE))
     before = logger.level
     logger.addHandler(handler)

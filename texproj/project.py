@@ -340,7 +340,9 @@ class Project:
 
     def remove_unfinished(self) -> None:
         """Delete what an interrupted run left behind."""
-        for folder in (self.root, self.out, self.work):
+        here = (self.root, self.root / "correspondences", self.root / "masks")
+        made = (p for top in (self.work, self.out) for p in (top, *top.rglob("*")) if p.is_dir())
+        for folder in (*here, *made):
             remove_unfinished(folder)
 
 

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable, Iterable
 from typing import Any, Protocol
 
-from texproj.cli import talk
+from texproj.cli import STOP, talk
 from texproj.cli.exits import DONE, SOME_FAILED, UNUSABLE
 from texproj.cli.shared import tell_ignored
 from texproj.project import Project
@@ -35,7 +35,13 @@ def run_stage(project: Project, json: bool, stage: Callable[[Any, Progress], Out
     from texproj.stages.bench import Workbench  # noqa: PLC0415
 
     with Workbench(project) as bench, talk.progress_bars() as progress:
-        outcome = stage(bench, progress)
+
+        def show(stage: str, done: int, total: int, item: str) -> None:
+            if STOP.is_set():
+                raise KeyboardInterrupt
+            progress(stage, done, total, item)
+
+        outcome = stage(bench, show)
     for line in outcome.lines():
         LOG.info("%s", line)
     return tell(project, outcome, json)
