@@ -4,7 +4,8 @@
 
 Makes copies of PROJECT, a small one. Each copy's `texproj run` is killed at its first, second, ...
 rename; `--moments` also kills as many runs at random moments. After each kill the next run must
-end well, leave no temporary file, and have the cameras and the model of a run that nobody killed.
+end well, leave no temporary file, have registered the same photos, and leave nothing stale: every
+file of the model is the one that the records tell of.
 Prints one line for each kill that did harm, and the count.
 """
 
@@ -20,6 +21,9 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+
+from texproj.project import Project
+from texproj.stages.running import project_status
 
 KILLED = 9
 SCRIPT = """
@@ -38,7 +42,6 @@ code = main(["run", sys.argv[2]])
 print("renames", int(sys.argv[1]) - left[0])
 sys.exit(code)
 """
-MADE = ("cameras.json", "out/model.glb", "out/model.obj", "out/model_0.png")
 
 
 def run(project: Path, kill_at: int = 10**9) -> subprocess.CompletedProcess[str]:
@@ -55,9 +58,11 @@ def run_for(project: Path, seconds: float) -> None:
         process.kill()
 
 
-def result(project: Path) -> dict[str, bytes]:
-    """What the run made, by name; only what is there."""
-    return {n: (project / n).read_bytes() for n in MADE if (project / n).exists()}
+def result(project: Path) -> dict[str, str]:
+    """What is known of each photo, and what is stale of the results."""
+    opened = Project.open(project)
+    stale = {str(item.item): item.reason for item in project_status(opened) if not item.fresh}
+    return {name: record.status for name, record in opened.load_cameras().items()} | stale
 
 
 def temporary(project: Path) -> list[str]:
@@ -65,7 +70,7 @@ def temporary(project: Path) -> list[str]:
     return [str(p.relative_to(project)) for p in project.rglob(".unfinished-*")]
 
 
-def harm(project: Path, right: dict[str, bytes]) -> str:
+def harm(project: Path, right: dict[str, str]) -> str:
     """What a kill did to a project, after the next run; empty if nothing."""
     path = project / "cameras.json"
     if path.exists():
@@ -76,8 +81,7 @@ def harm(project: Path, right: dict[str, bytes]) -> str:
     if temporary(project):
         return f"left: {', '.join(temporary(project))}"
     made = result(project)
-    other = [name for name in right if made.get(name) != right[name]]
-    return f"not as of a run that nobody killed: {', '.join(other)}" if other else ""
+    return f"{made} in place of {right}" if made != right else ""
 
 
 def age(project: Path) -> None:

@@ -22,7 +22,7 @@ def finished(demo_folder, tmp_path_factory):
 
 @pytest.mark.parametrize("part", [0.1, 0.5, 0.9])
 def test_a_kill_at_a_rename_does_no_harm(finished, part):
-    """The next run ends well, leaves no temporary file and has the same cameras and model."""
+    """The next run ends well, leaves no temporary file and has registered the same photos."""
     root, right, renames = finished
     copy = shutil.copytree(root / "start", root / f"killed at {part}")
 

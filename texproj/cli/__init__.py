@@ -12,14 +12,9 @@ from typing import Any
 # of the processor time of coloring). Read when numpy is loaded; a value of the user's stays.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from texproj.cli.exits import STOP, STOPPED
+
 __all__ = ["main"]
-
-STOPPED = 130
-"""Exit code where somebody asked to stop: by Ctrl-C, or with SIGTERM."""
-
-
-STOP = threading.Event()
-"""Set when somebody asked to stop: an exception alone can get lost where a library swallows it."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

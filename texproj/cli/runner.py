@@ -6,8 +6,8 @@ import logging
 from collections.abc import Callable, Iterable
 from typing import Any, Protocol
 
-from texproj.cli import STOP, talk
-from texproj.cli.exits import DONE, SOME_FAILED, UNUSABLE
+from texproj.cli import talk
+from texproj.cli.exits import DONE, SOME_FAILED, STOP, UNUSABLE
 from texproj.cli.shared import tell_ignored
 from texproj.project import Project
 from texproj.stages.outcomes import Tally
