@@ -35,8 +35,10 @@ if TYPE_CHECKING:
     from texproj.register.joint.refine import Refined
 
 STAGE = "refine"
-VERSION = 1
+VERSION = 2
 CHANNELS = ("depth", "normal")
+BLOCK_PERCENT = 0.33
+"""Freedom of a block's photos, percent of the longer side: 10 pixels of 3072."""
 HELD = "imported cameras held"
 GLANCE_PX = 64
 """Size at which a photo is decoded to see whether it can be."""
@@ -164,7 +166,7 @@ def _refine(bench: Workbench, before: Mapping[str, CameraRecord], fixed: list[bo
     project = bench.project
     names = list(before)
     cameras = [_camera(record) for record in before.values()]
-    sigma = [expected_error_px(record) for record in before.values()]
+    sigma = [_sigma_px(record) for record in before.values()]
 
     def load(number: int, longest: int) -> Photo:
         return project.load_photo(names[number], longest)
@@ -176,6 +178,16 @@ def _refine(bench: Workbench, before: Mapping[str, CameraRecord], fixed: list[bo
         return bench.plain_scene.gbuffer(camera, CHANNELS)
 
     return refine(cameras, sigma, fixed, lenses, load, render, options)
+
+
+def _sigma_px(record: CameraRecord) -> float:
+    """How far a photo's own registration may be off, full-size pixels. Of a block that is told for
+    all of its photos together: each by itself is free to move further.
+    """
+    error_px = expected_error_px(record)
+    if record.method != "block":
+        return error_px
+    return max(error_px, BLOCK_PERCENT / 100 * max(record.width, record.height))
 
 
 def _camera(record: CameraRecord) -> Camera:
