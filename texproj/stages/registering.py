@@ -254,7 +254,8 @@ class _Run:
         if not now.settled or self.waits(name):
             return False
         entry = self.entries[name]
-        if now.failed:
+        trace = self.traces[name]
+        if now.failed and trace is not None and "features" in trace.tried:
             around = self.near.around(name, self.behind.of(name))
             self.failed_with[name] = frozenset((n, self.cameras[n]) for n in around)
         reason = entry.quality.get("reason", "") or now.reason
