@@ -71,7 +71,9 @@ def new(
         talk.say_json({"project": str(folder), "photos": project.photo_names})
     else:
         talk.say(f"made {folder} with {mesh.name} and {count} photos")
-        talk.say(f"next: texproj preview {folder}   (pick points), then: texproj run {folder}")
+        talk.say(
+            f"next: texproj run {folder}   (or first texproj preview {folder}, to pick points)"
+        )
     return DONE
 
 
