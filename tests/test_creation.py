@@ -74,3 +74,12 @@ def test_quotes_in_the_name_of_a_mesh_do_not_break_the_settings(given):
     project = create_project(given / "p", strange, [given / "DCIM"], link=False)
 
     assert project.mesh_path.name == strange.name
+
+
+def test_a_mesh_of_which_nothing_is_left_is_refused_before_anything_is_made(given):
+    """Its only face hangs on a vertex that is no number."""
+    (given / "nan.obj").write_text("v 0 0 0\nv nan 1 0\nv 1e308 0 1\nf 1 2 3\n")
+    with pytest.raises(InputError, match=r"nan\.obj: "):
+        create_project(given / "p", given / "nan.obj", [given / "DCIM"], link=False)
+
+    assert not (given / "p").exists()

@@ -13,6 +13,7 @@ from texproj.formats.meshes import MESH_SUFFIXES, read_mesh
 from texproj.formats.photos import PHOTO_SUFFIXES, read_photo, read_photo_info
 from texproj.intake import find_photos, shown, unusable_name
 from texproj.project import SETTINGS_FILE, Project, refuse_same_stems
+from texproj.repair import repair
 
 Tell = Callable[[str], None]
 
@@ -65,7 +66,11 @@ def _check_mesh(mesh: Path) -> None:
     why = unusable_name(mesh.name)
     if why:
         raise InputError(f"{shown(mesh)}: {why}; rename it")
-    read_mesh(mesh)
+    try:
+        repair(*read_mesh(mesh))
+    except InputError as error:
+        reason = str(error)
+        raise InputError(reason if str(mesh) in reason else f"{mesh}: {reason}") from None
 
 
 def _photo_sources(photos: Sequence[Path], tell: Tell) -> list[Path]:
