@@ -586,7 +586,7 @@ def test_an_empty_project_tells_three_ways_to_start(empty):
     assert empty.locator('[data-up="z"]').get_attribute("aria-checked") == "true"
     empty.locator("#start-pick").click()
     until(empty, "document.body.dataset.mode === 'pick'")
-    assert card.is_hidden()
+    until(empty, "document.querySelector('#start').hidden")
 
 
 def test_the_model_can_be_stood_on_any_side(empty, browser):

@@ -28,7 +28,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from texproj.cli.program import run  # noqa: PLC0415 - stopping is answered meanwhile
 
         return run(arguments)
-    except KeyboardInterrupt:
+    except (Exception, KeyboardInterrupt) as error:
+        # A library may have turned the request into an error of its own.
+        if not (STOP.is_set() or isinstance(error, KeyboardInterrupt)):
+            raise
         sys.stderr.write("texproj: stopped; the next run goes on where this one was\n")
         return STOPPED
     finally:
@@ -45,4 +48,12 @@ def _listen() -> dict[int, Any]:
 
 def _stop(_: int, __: FrameType | None) -> None:
     STOP.set()
-    raise KeyboardInterrupt
+    raise _Stopped
+
+
+class _Stopped(KeyboardInterrupt):
+    """A request to stop, of a class of its own.
+
+    A plain KeyboardInterrupt that passes through `exec` of a text (as loading modules does) makes
+    CPython end the process by SIGINT at its very end, in place of the code that `main` returned.
+    """

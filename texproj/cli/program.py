@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError
 
 from texproj.cli import talk
-from texproj.cli.exits import DONE, UNUSABLE
+from texproj.cli.exits import DONE, STOP, UNUSABLE
 from texproj.errors import TexprojError
 from texproj.stages.progress import Cancelled
 
@@ -54,6 +54,8 @@ def _call(app: App, words: list[str]) -> int:
     except Cancelled:
         raise KeyboardInterrupt from None
     except Exception as error:  # noqa: BLE001 - a person is told, the log has the traceback
+        if STOP.is_set():
+            raise KeyboardInterrupt from error
         return _refuse(words, _fault(error))
     return result if isinstance(result, int) else DONE
 
