@@ -53,7 +53,7 @@ def _call(app: App, words: list[str]) -> int:
         return _refuse(words, "not enough memory; close other programs, or use smaller photos")
     except Cancelled:
         raise KeyboardInterrupt from None
-    except Exception as error:  # noqa: BLE001 - a person is told, the log has the traceback
+    except Exception as error:
         if STOP.is_set():
             raise KeyboardInterrupt from error
         return _refuse(words, _fault(error))
