@@ -155,7 +155,7 @@ def test_doctor_tells_of_the_renderers(capsys):
 def test_a_package_that_is_missing_is_named(project_folder, monkeypatch, capsys):
     """No traceback: a sentence that says how to get it, and why it may be missing."""
     monkeypatch.setitem(sys.modules, "xatlas", None)
-    monkeypatch.setattr("texproj.cli.commands.open_project", lambda *_: import_module("xatlas"))
+    monkeypatch.setattr("texproj.cli.telling.open_project", lambda *_: import_module("xatlas"))
 
     assert run("status", project_folder) == 2
     assert "the package xatlas is not installed" in complaint(capsys)

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 from texproj.cli import talk
 from texproj.cli.exits import DONE, SOME_FAILED, STOP, UNUSABLE
+from texproj.cli.progress import shown_progress
 from texproj.cli.shared import tell_ignored
 from texproj.project import Project
 from texproj.stages.outcomes import Tally
@@ -34,7 +35,7 @@ def run_stage(project: Project, json: bool, stage: Callable[[Any, Progress], Out
     """Call `stage` with a workbench of the project and the progress; tell what came of it."""
     from texproj.stages.bench import Workbench  # noqa: PLC0415
 
-    with Workbench(project) as bench, talk.progress_bars() as progress:
+    with Workbench(project) as bench, shown_progress() as progress:
 
         def show(stage: str, done: int, total: int, item: str) -> None:
             if STOP.is_set():

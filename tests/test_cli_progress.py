@@ -1,0 +1,49 @@
+"""Work tells how far it is: few lines in a log, with the time left once it can be known."""
+
+import subprocess
+import sys
+
+from texproj.cli.progress import LINE_EVERY_S, progress_lines
+
+
+def told(*steps):
+    """The lines for steps of (seconds, stage, done, total, item)."""
+    lines, now = [], [0.0]
+    show = progress_lines(lines.append, lambda: now[0])
+    for seconds, *step in steps:
+        now[0] = seconds
+        show(*step)
+    return lines
+
+
+def test_a_line_where_a_stage_begins():
+    """Also where the one before it began a moment ago."""
+    assert told((0, "register", 0, 3, "a.png"), (0.1, "color", 0, 2, "b.png")) == [
+        "register: 0 of 3  a.png",
+        "color: 0 of 2  b.png",
+    ]
+
+
+def test_no_more_than_a_line_in_ten_seconds():
+    """A log of an hour's work holds at most 360 lines beside the beginnings."""
+    steps = [(0.1 * i, "register", i, 1000, "x.png") for i in range(1000)]
+
+    assert len(told(*steps)) == 100 / LINE_EVERY_S
+
+
+def test_the_time_left_follows_from_what_is_done():
+    """A quarter took 20 s, so three quarters take 60 s; minutes where it is long."""
+    lines = told((0, "refine", 0, 8, ""), (20, "refine", 2, 8, ""), (800, "refine", 4, 8, ""))
+
+    assert lines[1:] == ["refine: 2 of 8, about 60 s left", "refine: 4 of 8, about 13 min left"]
+
+
+def test_a_command_loads_no_more_than_it_needs():
+    """The version is told without numerics: they take most of the time of a start."""
+    code = (
+        "import sys; from texproj.cli import main; main(['--version']);"
+        "print(sorted({'numpy', 'cv2', 'pydantic', 'rich.markdown'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+
+    assert done.stdout.splitlines()[-1] == "[]"

@@ -1,0 +1,125 @@
+"""The commands of the way from photos to the model: each runs one stage and tells the outcome."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+
+from cyclopts import Parameter
+
+from texproj.cli.flags import flags_for
+from texproj.cli.runner import run_stage
+from texproj.cli.shared import Folder, Json, Verbose, matching, project_at_work
+from texproj.settings import SECTIONS
+
+if TYPE_CHECKING:
+    RegisterFlags: TypeAlias = Any
+    ColorFlags: TypeAlias = Any
+    RefineFlags: TypeAlias = Any
+    RunFlags: TypeAlias = Any
+    RenderFlags: TypeAlias = Any
+else:  # classes made from the options when the program starts
+    RegisterFlags = flags_for(
+        ("register", "render"), ("points", "structure", "mutual-information", "silhouette")
+    )
+    RefineFlags = flags_for(("refine", "render"))
+    ColorFlags = flags_for(("color", "render"), ("unwrap", "patches", "output"))
+    RunFlags = flags_for(
+        ("render",),
+        tuple(name for name in SECTIONS if name not in ("render", "preview")),
+    )
+    RenderFlags = flags_for(("render",))
+
+
+def register(
+    folder: Folder,
+    /,
+    *,
+    photos: Annotated[str, Parameter(help="Only photos whose name matches, e.g. 'DSC_01*'.")] = "*",
+    flags: RegisterFlags = None,
+    json: Json = False,
+    verbose: Verbose = False,
+) -> int:
+    """Find the camera of each photo, where that is not known yet or stale.
+
+    Example: texproj register statue --method points
+    """
+    from texproj.stages.outcomes import RegisterOutcome  # noqa: PLC0415
+    from texproj.stages.registering import register_photos  # noqa: PLC0415
+
+    with project_at_work(folder, flags, verbose, "register") as project:
+        names = matching(project, photos)
+        return run_stage(
+            project, json, lambda bench, tell: RegisterOutcome(register_photos(bench, names, tell))
+        )
+
+
+def color(
+    folder: Folder,
+    /,
+    *,
+    flags: ColorFlags = None,
+    json: Json = False,
+    verbose: Verbose = False,
+) -> int:
+    """Project the registered photos onto the mesh and write the model to out/.
+
+    Example: texproj color statue --to texture
+    """
+    from texproj.stages.coloring import color_project  # noqa: PLC0415
+
+    with project_at_work(folder, flags, verbose, "color") as project:
+        return run_stage(project, json, color_project)
+
+
+def refine(
+    folder: Folder,
+    /,
+    *,
+    flags: RefineFlags = None,
+    json: Json = False,
+    verbose: Verbose = False,
+) -> int:
+    """Bring all registered cameras to agree with each other on the surface.
+
+    Example: texproj refine statue
+    """
+    from texproj.stages.refining import refine_project  # noqa: PLC0415
+
+    with project_at_work(folder, flags, verbose, "refine") as project:
+        return run_stage(project, json, refine_project)
+
+
+def run(
+    folder: Folder,
+    /,
+    *,
+    flags: RunFlags = None,
+    json: Json = False,
+    verbose: Verbose = False,
+) -> int:
+    """Register, color and report: whatever is stale of these.
+
+    Example: texproj run statue
+    """
+    from texproj.stages.running import run_project  # noqa: PLC0415
+
+    with project_at_work(folder, flags, verbose, "run") as project:
+        return run_stage(project, json, run_project)
+
+
+def report(
+    folder: Folder,
+    /,
+    *,
+    flags: RenderFlags = None,
+    json: Json = False,
+    verbose: Verbose = False,
+) -> int:
+    """Write out/report.html and out/report.json.
+
+    Example: texproj report statue
+    """
+    from texproj.stages.reporting import report_project  # noqa: PLC0415
+
+    with project_at_work(folder, flags, verbose, "report") as project:
+        return run_stage(project, json, report_project)
