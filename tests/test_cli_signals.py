@@ -36,10 +36,20 @@ sys.exit(main(["run", {folder!r}]))
 
 @pytest.mark.parametrize("asked", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("module", ["cyclopts", "texproj.options.color", "texproj.solve.lm"])
-def test_whoever_stops_a_run_is_answered(project_folder, asked, module):
-    """Also while modules are loaded: by a sentence and the exit code, not by the signal."""
+def test_whoever_stops_a_run_is_answered(project_folder, tmp_path, asked, module):
+    """Also while modules are loaded: by a sentence and the exit code, not by the signal.
+
+    As a module, since only then CPython may end the process by SIGINT after all.
+    """
     code = STOPPED_WHILE_LOADING.format(module=module, asked=int(asked), folder=str(project_folder))
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    (tmp_path / "stopped_run.py").write_text(code)
+    done = subprocess.run(
+        [sys.executable, "-m", "stopped_run"],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])},
+    )
 
     assert "Traceback" not in done.stderr
     assert "stopped; the next run goes on" in done.stderr
