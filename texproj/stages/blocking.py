@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from texproj.arrays import Floats
 from texproj.camera import Camera
 from texproj.errors import InputError, RegistrationError
-from texproj.files import content_hash
 from texproj.photo import Photo
 from texproj.records import THROUGH, CameraRecord, Fit
 from texproj.register.block.anchor import Anchor, anchored
@@ -31,6 +31,7 @@ from texproj.stages.bench import FEATURES_LONGEST, Workbench
 from texproj.stages.entries import expected_error_px, start_of
 from texproj.stages.lenses import lens_of
 from texproj.stages.methods import REGISTRATION_LONGEST
+from texproj.stages.partners import content_key, keep_graph
 from texproj.stages.progress import Progress
 
 STAGE = "block"
@@ -38,6 +39,8 @@ LEAST_PHOTOS = 3
 """Two photos tell little of a shape."""
 MAX_ERROR_PERCENT = 0.5
 """Expected error, percent of the longer side, beyond which a photo held by others is refused."""
+CELLS = 6
+"""Along each side of a picture, for telling how much of it the block's points cover."""
 STEPS = 100
 """Parts of the progress while the block is put onto the mesh."""
 CHANNELS = ("depth", "normal", "ao", "front")
@@ -71,6 +74,7 @@ def place_together(
             )
     except RegistrationError as error:
         return told | {photo.name: str(error) for photo in photos}
+    keep_graph(bench.project, motion.graph, {photo.name: photo.key for photo in photos})
     told |= motion.left_out
     for part in motion.parts:
         told |= _placed(bench, part, anchors, progress)
@@ -86,12 +90,10 @@ def _photos(bench: Workbench, names: Sequence[str]) -> tuple[list[BlockPhoto], T
     for name in names:
         start = start_of(entries.get(name))
         try:
-            content = f"{project.hash_of(project.photo_path(name))}-"
-            content += f"{project.hash_of(project.mask_path(name))}"
             photos.append(
                 BlockPhoto(
                     project.photo_info(name),
-                    content_hash(content.encode()),
+                    content_key(project, name),
                     lens_of(project, name, start),
                     start.intrinsics if start is not None else None,
                 )
@@ -179,7 +181,7 @@ def _fit(
     camera: Camera, part: Reconstruction, row: int, error_px: float, quality: Mapping[str, Any]
 ) -> Fit:
     """What a block says of one of its photos."""
-    points, _ = part.seen_from(row)
+    points, xy = part.seen_from(row)
     return Fit(
         camera=camera,
         method="block",
@@ -187,5 +189,11 @@ def _fit(
         residual_px=part.error_px[points] * max(1.0, max(camera.width, camera.height) / LONGEST_PX),
         inliers=np.ones(len(points), bool),
         covariance=np.full((6, 6), np.nan),
-        quality={**quality, "block_points": len(points)},
+        quality={**quality, "block_points": len(points), "block_cover": _cover(camera, xy)},
     )
+
+
+def _cover(camera: Camera, xy: Floats) -> float:
+    """Share of the picture's cells in which the photo shows a point of its block."""
+    cell = np.floor(CELLS * xy / (camera.width, camera.height)).astype(int).clip(0, CELLS - 1)
+    return round(len(np.unique(cell, axis=0)) / CELLS**2, 2)

@@ -30,6 +30,10 @@ class PhotoGraph:
         """The photos that show the same as `name`, those with most matches first."""
         return tuple(other for _, other in self._neighbors.get(name, ()))
 
+    def joined(self, newer: PhotoGraph) -> PhotoGraph:
+        """This graph, and a newer one in its place where both know a pair."""
+        return PhotoGraph({**self.matches, **newer.matches})
+
     def count(self, a: str, b: str) -> int:
         """How many points were matched between two photos, and verified."""
         return self.matches.get((min(a, b), max(a, b)), 0)
