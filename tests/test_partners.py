@@ -1,4 +1,5 @@
 """Which photos show the same: kept from run to run, and first to be asked where others are."""
+
 from types import SimpleNamespace
 
 import numpy as np
