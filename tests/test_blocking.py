@@ -1,11 +1,13 @@
 """Nothing but photos and a mesh: the photos are placed all together, or refused together."""
 
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import trimesh
 
+from texproj.demo.views import disturbed
 from texproj.formats.cameras import read_cameras
 from texproj.project import Project
 from texproj.records import THROUGH
@@ -80,6 +82,27 @@ def test_one_registered_photo_holds_all_others(placed, sample, tmp_path):
     assert list(found) == names
     assert all(fit.accepted for fit in found.values())
     assert {fit.quality[THROUGH][0] for fit in found.values()} == set(anchors)
+    assert max(off.values()) < 1.0
+
+
+@pytest.mark.parametrize("off_px", [25.0, 150.0])
+def test_a_wrong_registration_pulls_no_other_along(off_px, placed, sample, tmp_path):
+    """One photo claims 3 px and is off by many: the others go where they belong all the same, and
+    say which photo they contradict.
+    """
+    project = without_starts(sample, tmp_path / "stele")
+    shutil.copytree(placed[0].work / "block", project.work / "block")
+    true = truth_of(project)["IMG_0003.jpg"]
+    points = project.load_mesh().mesh.vertices[::53]
+    wrong = disturbed(true.camera, points, off_px, np.random.default_rng(2))
+    record = replace(true, pose=wrong.pose, quality={"expected_error_px": 3.0})
+    names = [name for name in project.photo_names if name != "IMG_0003.jpg"]
+    with Workbench(project) as bench:
+        found = place_together(bench, names, {"IMG_0003.jpg": record}, silent)
+    off = off_percent(project, {name: fit.camera for name, fit in found.items()})
+
+    assert all(fit.accepted for fit in found.values())
+    assert all("IMG_0003.jpg is registered where" in fit.reason for fit in found.values())
     assert max(off.values()) < 1.0
 
 

@@ -14,7 +14,6 @@ from texproj.stages.methods import MOST_COMPARED
 from texproj.stages.partners import (
     companions,
     compare_looks,
-    content_key,
     keep_graph,
     load_graph,
     partners,
@@ -33,8 +32,8 @@ def project(tmp_path):
     return Project.open(tmp_path)
 
 
-def keys_of(project, names):
-    return {name: content_key(project, name) for name in names}
+def keep(project, matches, names):
+    keep_graph(project, PhotoGraph(matches, frozenset(names)))
 
 
 def looking(project, groups):
@@ -59,12 +58,12 @@ def test_what_photos_share_lasts_as_long_as_they_are_the_same(project):
     theirs, and what is found later stands beside it.
     """
     a, b, c, d = NAMES[:4]
-    keep_graph(project, PhotoGraph({(a, b): 40, (a, c): 90}), keys_of(project, [a, b, c]))
+    keep(project, {(a, b): 40, (a, c): 90}, [a, b, c])
     assert partners(Project.open(project.root), a) == (c, b)
 
     (project.root / "photos" / c).write_bytes(b"another picture")
     again = Project.open(project.root)
-    keep_graph(again, PhotoGraph({(b, d): 7, (a, b): 41}), keys_of(again, [a, b, d]))
+    keep(again, {(b, d): 7, (a, b): 41}, [a, b, d])
 
     assert load_graph(again).matches == {(a, b): 41, (b, d): 7}
     assert partners(again, c) == ()
@@ -73,7 +72,7 @@ def test_what_photos_share_lasts_as_long_as_they_are_the_same(project):
 def test_a_mask_makes_a_photo_another_one(project):
     """Features are sought where the mask is not, so what was found without it is old."""
     a, b = NAMES[:2]
-    keep_graph(project, PhotoGraph({(a, b): 40}), keys_of(project, [a, b]))
+    keep(project, {(a, b): 40}, [a, b])
     (project.root / "masks").mkdir()
     (project.root / "masks" / "00.png").write_bytes(b"stencil")
 
@@ -112,8 +111,21 @@ def test_photos_that_look_alike_are_found_whatever_their_names(project):
 def test_what_was_matched_comes_before_what_looks_alike(project):
     """Likeness is a guess, verified matches are none."""
     compare_looks(looking(project, (NAMES[0:11:2], NAMES[1:11:2])), silent)
-    keep_graph(project, PhotoGraph({("00.jpg", "01.jpg"): 30}), keys_of(project, NAMES[:2]))
+    keep(project, {("00.jpg", "01.jpg"): 30}, NAMES[:2])
     found = companions(project)
 
     assert found["00.jpg"][0] == "01.jpg"
     assert sorted(found["00.jpg"]) == NAMES[1:-1]
+
+
+def test_a_photo_of_another_place_stands_apart():
+    """It was compared and shares next to nothing with the photos that are registered, whatever it
+    shares with photos of its own place; of a photo that was not compared nothing is concluded.
+    """
+    graph = PhotoGraph({("a", "b"): 300, ("b", "x"): 17, ("x", "y"): 500}, frozenset("abxy"))
+
+    assert graph.stands_apart("x", {"a", "b"})
+    assert not graph.stands_apart("x", {"a", "y"})
+    assert not graph.stands_apart("a", {"a", "b"})
+    assert not graph.stands_apart("z", {"a", "b"})
+    assert not graph.stands_apart("x", {"z"})

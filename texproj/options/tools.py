@@ -43,9 +43,12 @@ class DemoOptions:
     """What is carved."""
     seed: Annotated[int, Field(ge=0)] = 0
     """Another number, another piece, other photos; the same number gives the same bytes."""
-    photos: Annotated[int, Field(ge=1, le=99)] = 9
-    """Number of photos; every second has picked points, the others have a rough camera."""
-    long_side: Annotated[int, Field(ge=64, le=6000)] = 960
+    photos: Annotated[int, Field(ge=1, le=99)] = 12
+    """Number of photos."""
+    starts: bool = False
+    """Photos all around, every second with picked points, the others with a rough camera; else
+    photos of the front that overlap, and nothing is known of any."""
+    long_side: Annotated[int, Field(ge=64, le=6000)] = 800
     """Longer side of the photos in pixels."""
     faces: Annotated[int, Field(ge=500, le=5_000_000)] = 60_000
     """Triangles of the scan, about."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -45,18 +45,15 @@ def load_graph(project: Project) -> PhotoGraph:
     told, same = _kept(project, SHARED)
     pairs = told.get("pairs") if isinstance(told.get("pairs"), list) else []
     found = {(str(a), str(b)): int(n) for a, b, n in pairs if a in same and b in same}
-    return PhotoGraph(found)
+    return PhotoGraph(found, frozenset(same))
 
 
-def keep_graph(project: Project, graph: PhotoGraph, keys: Mapping[str, str]) -> None:
-    """Keep what was matched between photos, beside what is known of others. keys: content keys of
-    the photos that were compared. Raises OutputError.
-    """
-    _, same = _kept(project, SHARED)
+def keep_graph(project: Project, graph: PhotoGraph) -> None:
+    """Keep what was matched between photos, beside what is known of others. Raises OutputError."""
     joined = load_graph(project).joined(graph)
     pairs = [[a, b, n] for (a, b), n in sorted(joined.matches.items())]
-    record = {"inputs": {**same, **keys}, "pairs": pairs}
-    project.save_record(FOLDER, SHARED, record)
+    keys = {name: content_key(project, name) for name in sorted(joined.compared)}
+    project.save_record(FOLDER, SHARED, {"inputs": keys, "pairs": pairs})
 
 
 def companions(project: Project) -> dict[str, tuple[str, ...]]:

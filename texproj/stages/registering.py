@@ -36,11 +36,15 @@ from texproj.stages.outcomes import (
     refused_record,
     registered_record,
 )
-from texproj.stages.partners import companions, compare_looks
+from texproj.stages.partners import companions, compare_looks, load_graph
 from texproj.stages.progress import Progress, silent
 from texproj.stages.wave import Evidence, Wave
 
 Names = tuple[str, ...]
+
+STANDS_APART = (
+    "shows nothing that the registered photos show; leave it out (`exclude`) or pick 4 points"
+)
 
 
 def _block(
@@ -109,6 +113,7 @@ class _Run:
         self.cameras, self.traces = dict(self.lineage.cameras), dict(self.lineage.traces)
         self.behind = Behind(self.entries.values())
         registered = {n for n, entry in self.entries.items() if entry.registered_camera}
+        self.graph = load_graph(self.project)
         known = companions(self.project)
         self.near = Neighborhood(self.project.photo_names, registered, known)
         self.waiting = set(chosen)
@@ -173,7 +178,7 @@ class _Run:
     def attend_together(self, names: Names, anchors: Mapping[str, CameraRecord]) -> bool:
         """Place photos all at once; returns whether one was found."""
         searches = self.placed(names, anchors) if names else {}
-        self.near.companions = companions(self.project)
+        self.learn_companions()
         for name, found in searches.items():
             self.blocks[name] = names
             if found.fit is not None or name in self.outcomes:
@@ -246,7 +251,12 @@ class _Run:
         unknown = [n for n in self.chosen if n in self.waiting and n not in self.near.companions]
         if unknown and len(self.registered) > MOST_COMPARED:
             compare_looks(self.bench, self.progress)
-            self.near.companions = companions(self.project)
+            self.learn_companions()
+
+    def learn_companions(self) -> None:
+        """Read again which photos show the same."""
+        self.graph = load_graph(self.project)
+        self.near.companions = companions(self.project)
 
     def by_others(self, job: Job) -> Search:
         """By the photo's own means where that was not tried yet, then by what others show."""
@@ -257,7 +267,10 @@ class _Run:
                 return own
             self.own[job.name] = own
         self.places[job.name] = {*(before or ()), *list(job.neighbors)[:NEAREST]}
-        return search_by_others(job, own.reason if own.tried else "", before)
+        found = search_by_others(job, own.reason if own.tried else "", before)
+        if found.fit is None and self.graph.stands_apart(job.name, self.registered):
+            return replace(found, refusals=(STANDS_APART,))
+        return found
 
     # --- one photo
 
