@@ -37,7 +37,7 @@ def load_reduced(bench: Workbench, name: str, longest: int) -> Photo:
 
 def rendered(bench: Workbench, camera: Camera) -> GBuffer:
     """The mesh as blocks are compared with it."""
-    return bench.scene.gbuffer(camera, CHANNELS)
+    return bench.light_scene.gbuffer(camera, CHANNELS)
 
 
 def fit_of(
