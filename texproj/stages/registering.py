@@ -266,11 +266,10 @@ class _Run:
             if own.fit is not None:
                 return own
             self.own[job.name] = own
+        if not job.has_means and self.graph.stands_apart(job.name, self.registered):
+            return Search(None, (STANDS_APART,), ("features",))
         self.places[job.name] = {*(before or ()), *list(job.neighbors)[:NEAREST]}
-        found = search_by_others(job, own.reason if own.tried else "", before)
-        if found.fit is None and self.graph.stands_apart(job.name, self.registered):
-            return replace(found, refusals=(STANDS_APART,))
-        return found
+        return search_by_others(job, own.reason if own.tried else "", before)
 
     # --- one photo
 
