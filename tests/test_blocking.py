@@ -102,8 +102,8 @@ def test_a_wrong_registration_pulls_no_other_along(placed, sample, tmp_path, mon
 
     def searched(_bench, part, _progress):
         sought.append(part.names)
-        return {name: fit_of(camera, part, k, 1.0, {})
-                for k, (name, camera) in enumerate(zip(part.names, part.cameras, strict=True))}  # fmt: skip
+        fits = [fit_of(camera, part, k, 1.0, {}) for k, camera in enumerate(part.cameras)]
+        return dict(zip(part.names, fits, strict=True))
 
     monkeypatch.setattr(block_holding, "searched", searched)
     with Workbench(project) as bench:
