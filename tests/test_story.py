@@ -47,8 +47,8 @@ def test_photos_held_by_others_tell_no_rival():
 
 def test_a_thousand_photos_left_out_make_no_endless_line():
     """The first are named, the others counted; nothing at all where there is nothing to tell."""
-    told = story([], False, {f"{k}.jpg": "damaged" for k in range(1000)})
+    told = story([], False, {"x.jpg": "blurred"} | {f"{k}.jpg": "damaged" for k in range(999)})
 
-    assert told.startswith("1000 photos left out: 0.jpg (damaged)")
-    assert told.endswith("and 992 more")
+    assert told.startswith("1000 photos left out: x.jpg (blurred), 0.jpg, 1.jpg, ")
+    assert told.endswith("7.jpg and 991 more (damaged)")
     assert story([], False, {}) == ""

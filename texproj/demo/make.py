@@ -85,7 +85,8 @@ def make_demo(
     scan = scanned(made, options.faces, options.scan_noise_mm / 1000, options.seed)
     scan = Mesh(scan.vertices + origin, scan.faces)
     true = Mesh(true.vertices + origin, true.faces)
-    scene = set_up(true, painted(options.seed), Lighting(), gloss=options.gloss, origin=origin)
+    pattern = painted(options.seed, options.paint)
+    scene = set_up(true, pattern, Lighting(), gloss=options.gloss, origin=origin)
     photos = []
     views = (tour if options.starts else arc)(options.photos)
     for number, view in enumerate(views):

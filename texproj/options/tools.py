@@ -62,6 +62,8 @@ class DemoOptions:
     """The rough cameras have the true lens; else only the focal length that EXIF tells."""
     pick_sigma_px: Annotated[float, Field(ge=0, le=50)] = 1.0
     """Standard deviation of the picks, along each axis."""
+    paint: Annotated[float, Field(ge=0, le=1)] = 0.5
+    """Share of the paint that is left on the stone; its edges are none of the shape."""
     gloss: Annotated[float, Field(ge=0, le=5)] = 0.5
     """Strength of the highlight; 0 is matte, 1 polished."""
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)

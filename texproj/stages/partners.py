@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -97,7 +97,7 @@ def _by_name(names: Sequence[str], numbers: Sequence[Sequence[int]]) -> dict[str
     return {name: [names[k] for k in others] for name, others in pairs}
 
 
-def _kept(project: Project, what: str) -> tuple[dict[str, object], dict[str, str]]:
+def _kept(project: Project, what: str) -> tuple[dict[str, Any], dict[str, str]]:
     """A record, and the keys of its photos that are in the project unchanged."""
     told = project.load_record(FOLDER, what) or {"inputs": {}}
     return told, {n: key for n, key in told["inputs"].items() if _is_still(project, n, key)}

@@ -9,7 +9,7 @@ import numpy as np
 from texproj.stages.outcomes import PhotoOutcome
 
 MOST_NAMED = 8
-"""Photos that are named; of more, the number is told."""
+"""Photos with one reason that are named; of more, the number is told."""
 
 
 def story(photos: Sequence[PhotoOutcome], refined: bool, left_out: Mapping[str, str]) -> str:
@@ -50,10 +50,18 @@ def _errors_px(found: Sequence[PhotoOutcome]) -> list[float]:
 
 
 def _left_out(reasons: Mapping[str, str]) -> str:
+    """Photos that share a reason are named together."""
+    by_reason: dict[str, list[str]] = {}
+    for name, why in reasons.items():
+        by_reason.setdefault(_short(name, why), []).append(name)
     count = f"{len(reasons)} photo{'s' if len(reasons) > 1 else ''} left out"
-    named = [f"{name} ({_short(name, why)})" for name, why in list(reasons.items())[:MOST_NAMED]]
-    more = len(reasons) - len(named)
-    return f"{count}: {', '.join(named)}" + (f", and {more} more" if more else "")
+    told = [f"{_named(names)} ({why})" for why, names in by_reason.items()]
+    return f"{count}: {', '.join(told)}"
+
+
+def _named(names: Sequence[str]) -> str:
+    more = len(names) - MOST_NAMED
+    return ", ".join(names[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _short(name: str, reason: str) -> str:
