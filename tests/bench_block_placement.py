@@ -13,8 +13,8 @@ at the sizes that would fit.
 
 Columns: error against the reference cameras in percent of the width, median and largest over
 photos, and what the fit expected; share of the structure found in place; the same of the best
-rival; Student's t of the mirror test; processor and wall seconds of the placement; peak MB of
-the whole process.
+rival; Student's t of the mirror test; processor and wall seconds of the placement, ambient
+occlusion included; peak MB of the whole process.
 """
 
 from __future__ import annotations
@@ -40,6 +40,8 @@ from texproj.formats.photos.read import read_photo
 from texproj.mesh import Mesh, vertex_normals
 from texproj.photo import Photo
 from texproj.register.block import search
+from texproj.register.block.block_fit import BlockFit
+from texproj.register.block.light_mesh import light_mesh
 from texproj.register.block.place import place_block
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.block.similarity import Similarity
@@ -156,33 +158,66 @@ def partial(mesh: Mesh, seed: int) -> Mesh:
     return Mesh(coarse.vertex_matrix() + noise, coarse.face_matrix())
 
 
-def place(scene: RealScene, label: str, mesh: Mesh, seed: int, right: bool) -> None:
-    """One line of the table."""
+@dataclass(frozen=True, eq=False)
+class Placing:
+    """What came of placing a block: the fit, or why there is none; errors: of its photos against
+    the reference, percent of the width, none on a wrong mesh; seconds of processor time and wall.
+    """
+
+    fit: BlockFit | None
+    reason: str
+    errors: tuple[float, ...]
+    cpu: float
+    wall: float
+
+    @property
+    def accepted(self) -> bool:
+        return self.fit is not None and self.fit.accepted
+
+    def line(self, label: str, seed: int) -> str:
+        """A line of the table."""
+        if self.fit is None:
+            return f"{label:>32} {seed:4d} {self.cpu:5.0f} {self.wall:5.0f}  refused {self.reason}"
+        fit, errors = self.fit, self.errors or (np.nan,)
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        verdict = "accepted" if fit.accepted else "refused"
+        return (
+            f"{label:>32} {seed:4d} "
+            f"{np.median(errors):6.3f}/{max(errors):6.3f} {fit.expected_error_percent:8.3f} "
+            f"{fit.support:7.2f} {fit.rival:6.2f} {fit.mirror_t:6.1f} {self.cpu:5.0f} "
+            f"{self.wall:5.0f} {peak:5.0f}  {verdict} {fit.reason}"
+        )
+
+
+def place(scene: RealScene, label: str, mesh: Mesh, seed: int, right: bool) -> Placing:
+    """Prints one line of the table."""
+    found = placed(scene, mesh, seed, right)
+    print(found.line(f"{scene.folder.name[:13]} on {label}", seed), flush=True)
+    return found
+
+
+def placed(scene: RealScene, mesh: Mesh, seed: int, right: bool) -> Placing:
+    """The block of a scene put onto a mesh, each in a random frame."""
     rng = np.random.default_rng(seed)
     world_from_scene, block_from_scene = random_similarity(rng), random_similarity(rng)
     block = scene.block_in_frame(block_from_scene, seed)
     mesh = moved(mesh, world_from_scene)
-    with open_renderer() as renderer, renderer.load(mesh, ambient_occlusion(mesh)) as drawn:
+    fit, reason = None, ""
+    with open_renderer() as renderer:
         cpu, wall = time.process_time(), time.perf_counter()
-        try:
-            fit = place_block(
-                block, mesh, lambda c: drawn.gbuffer(c, ("depth", "normal", "ao", "front")),
-                scene.photo, seed=seed,
-            )  # fmt: skip
-        except RegistrationError as error:
-            print(f"{scene.folder.name} on {label}: {error}", flush=True)
-            return
+        light = light_mesh(mesh)
+        with renderer.load(light, ambient_occlusion(light)) as drawn:
+            try:
+                fit = place_block(
+                    block, mesh, lambda c: drawn.gbuffer(c, ("depth", "normal", "ao", "front")),
+                    scene.photo, seed=seed,
+                )  # fmt: skip
+            except RegistrationError as error:
+                reason = str(error)
         cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
-    errors = errors_percent(scene, world_from_scene, fit.cameras) if right else [np.nan]
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    verdict = f"{'accepted' if fit.accepted else 'refused'} {fit.reason}"
-    print(
-        f"{scene.folder.name[:13] + ' on ' + label:>32} {seed:4d} "
-        f"{np.median(errors):6.3f}/{max(errors):6.3f} {fit.expected_error_percent:8.3f} "
-        f"{fit.support:7.2f} {fit.rival:6.2f} {fit.mirror_t:6.1f} {cpu:5.0f} {wall:5.0f} "
-        f"{peak:5.0f}  {verdict}",
-        flush=True,
-    )
+    known = right and fit is not None
+    errors = errors_percent(scene, world_from_scene, fit.cameras) if known else []
+    return Placing(fit, reason, tuple(errors), cpu, wall)
 
 
 def errors_percent(

@@ -30,7 +30,9 @@ def demo_folder(tmp_path_factory):
     from texproj.options import DemoOptions
 
     folder = tmp_path_factory.mktemp("demo") / "stele"
-    options = DemoOptions(photos=4, long_side=640, faces=6000, carved_faces=60_000)
+    options = DemoOptions(
+        photos=4, starts=True, paint=1, long_side=640, faces=6000, carved_faces=60_000
+    )
     write_demo(folder, options)
     return folder
 

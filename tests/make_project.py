@@ -14,7 +14,7 @@ from texproj.camera import Camera
 from texproj.demo.jpeg import Exif, jpeg
 from texproj.demo.light import Lighting
 from texproj.demo.object import carved, piece, scanned
-from texproj.demo.pattern import LIMESTONE, Pattern, painted
+from texproj.demo.pattern import painted
 from texproj.demo.photographer import Scene, ShotOptions, photograph, set_up
 from texproj.demo.picks import picked
 from texproj.demo.sensor import Sensor
@@ -40,8 +40,8 @@ VIEWS = (
 )
 PICKED, PICKS, PICK_SIGMA_PX = 2, 10, 0.7
 ROUGH, ROUGH_PX = 0, 12.0
-PAINT, STONE = 0.5, np.asarray(LIMESTONE, np.float32)
-"""Share of the paint that is left, and what is under it."""
+PAINT = 0.5
+"""Share of the paint that is left on a stone that stood outside for long: more shape is seen."""
 SETTINGS = """\
 # Settings of this project. Every key is optional; `texproj COMMAND --help` lists them all.
 mesh = "mesh/scan.ply"
@@ -53,7 +53,7 @@ def main(folder: Path) -> None:
     """Carve, scan, photograph, pick, and write the folder. Deterministic."""
     made = piece("stele", SEED)
     scan = scanned(made, FACES, 0.0004, SEED)
-    scene = set_up(carved(made, TRUE_FACES), faded(painted(SEED)), Lighting(), gloss=0.3)
+    scene = set_up(carved(made, TRUE_FACES), painted(SEED, PAINT), Lighting(), gloss=0.3)
     cameras = {}
     for number, view in enumerate(VIEWS):
         rng = np.random.default_rng([SEED, number])
@@ -73,11 +73,6 @@ def main(folder: Path) -> None:
     write_atomically(folder / "truth/cameras.json", cameras_json(truth))
     write_atomically(folder / "project.toml", SETTINGS.encode())
     write_mesh(folder / "mesh/scan.ply", scan)
-
-
-def faded(pattern: Pattern) -> Pattern:
-    """The paint of a stone that stood outside for long: more shape than paint is seen."""
-    return lambda xyz: np.float32(PAINT) * pattern(xyz) + np.float32(1 - PAINT) * STONE
 
 
 def take(folder: Path, scene: Scene, name: str, view: View, camera: Camera) -> None:

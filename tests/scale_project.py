@@ -54,7 +54,7 @@ def make_scale_project(root: Path, count: int) -> Project:
     project.save_cameras(entries.values())
     sources, cameras = Sources(project), own_cameras(entries)
     good = {name for name, entry in entries.items() if entry.registered_camera}
-    near = Neighborhood(project.photo_names, good)
+    near = Neighborhood(project.photo_names, good, {})
     for name, entry in entries.items():
         tried = ("structure",) if entry.method == "structure" else ("structure", "features")
         read = inputs(sources, entry, tried, (), cameras, lambda n: near.around(n, ()))

@@ -1,18 +1,27 @@
 """Nothing but photos and a mesh: the photos are placed all together, or refused together."""
 
 import shutil
+from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 import trimesh
+from scenes import synthetic_pair
 
+from texproj.demo.views import disturbed
 from texproj.formats.cameras import read_cameras
 from texproj.project import Project
 from texproj.records import THROUGH
+from texproj.stages import block_holding
 from texproj.stages.bench import Workbench
+from texproj.stages.block_fits import fit_of
 from texproj.stages.blocking import place_together
+from texproj.stages.partners import partners
 from texproj.stages.progress import silent
 from texproj.stages.registering import register_photos
+
+STRANGER = "stranger.jpg"
 
 pytest.importorskip("pycolmap", reason="COLMAP has no package for this machine")
 
@@ -40,8 +49,11 @@ def off_percent(project, cameras):
 
 @pytest.fixture(scope="module")
 def placed(sample, tmp_path_factory):
-    """The sample registered without any start."""
+    """The sample registered without any start, with a photo of another stone among its own."""
     project = without_starts(sample, tmp_path_factory.mktemp("block") / "stele")
+    other = synthetic_pair(1, "capital", seed=3, long_side=560).photos[0].pixels
+    cv2.imwrite(str(project.root / "photos" / STRANGER), other[..., ::-1])
+    project = Project.open(project.root)
     with Workbench(project) as bench:
         outcomes = register_photos(bench)
     return project, outcomes
@@ -51,9 +63,11 @@ def test_loose_photos_are_registered_without_a_click(placed):
     """All six, each within .8 % of the width, and that is how sure the block says it is."""
     project, outcomes = placed
     records = project.load_cameras()
+    del records[STRANGER]
     off = off_percent(project, {name: r.registered_camera for name, r in records.items()})
 
-    assert [outcome.failed for outcome in outcomes] == [False] * 6
+    assert [outcome.name for outcome in outcomes if outcome.failed] == [STRANGER]
+    assert len(records) == 6
     assert {record.method for record in records.values()} == {"block"}
     assert max(off.values()) < 0.8
     told = np.median([r.quality["expected_error_px"] / r.width * 100 for r in records.values()])
@@ -65,6 +79,18 @@ def test_a_second_run_compares_nothing_again(placed):
     project, _ = placed
     with Workbench(Project.open(project.root)) as bench:
         assert all(outcome.kept for outcome in register_photos(bench))
+
+
+def test_a_photo_of_another_place_is_left_out_and_says_so(placed):
+    """It is in no block, is called failed, and tells why in one sentence; what the others share is
+    known from now on.
+    """
+    project, outcomes = placed
+    stranger = next(outcome for outcome in outcomes if outcome.name == STRANGER)
+
+    assert stranger.reason.startswith("shows nothing that the registered photos show; leave it out")
+    assert partners(project, STRANGER) == ()
+    assert set(partners(project, "IMG_0003.jpg")) >= {"IMG_0002.jpg", "IMG_0004.jpg"}
 
 
 def test_one_registered_photo_holds_all_others(placed, sample, tmp_path):
@@ -81,6 +107,33 @@ def test_one_registered_photo_holds_all_others(placed, sample, tmp_path):
     assert all(fit.accepted for fit in found.values())
     assert {fit.quality[THROUGH][0] for fit in found.values()} == set(anchors)
     assert max(off.values()) < 1.0
+
+
+def test_a_wrong_registration_pulls_no_other_along(placed, sample, tmp_path, monkeypatch):
+    """One photo claims 3 px and is off by 25: the others are not put where it says but sought all
+    over the mesh, and say which photo they do not bear out.
+    """
+    project = without_starts(sample, tmp_path / "stele")
+    shutil.copytree(placed[0].work / "block", project.work / "block")
+    true = truth_of(project)["IMG_0003.jpg"]
+    points = project.load_mesh().mesh.vertices[::53]
+    wrong = disturbed(true.camera, points, 25.0, np.random.default_rng(2))
+    record = replace(true, pose=wrong.pose, quality={"expected_error_px": 3.0})
+    names = [name for name in project.photo_names if name != "IMG_0003.jpg"]
+    sought = []
+
+    def searched(_bench, part, _progress):
+        sought.append(part.names)
+        fits = [fit_of(camera, part, k, 1.0, {}) for k, camera in enumerate(part.cameras)]
+        return dict(zip(part.names, fits, strict=True))
+
+    monkeypatch.setattr(block_holding, "searched", searched)
+    with Workbench(project) as bench:
+        found = place_together(bench, names, {"IMG_0003.jpg": record}, silent)
+
+    assert [set(part) for part in sought] == [set(project.photo_names)]
+    assert set(found) == set(names)
+    assert all("IMG_0003.jpg is registered where" in fit.reason for fit in found.values())
 
 
 def test_photos_of_another_thing_are_refused_together(placed, sample, tmp_path):

@@ -34,7 +34,7 @@ from texproj.photo import linear_from_srgb
 
 NO_NOISE = Sensor(full_well=0)
 CLEAN = ShotOptions(background="wall", sensor=NO_NOISE, vignetting=0.0)
-TINY = DemoOptions(photos=2, long_side=96, faces=3000, carved_faces=6000)
+TINY = DemoOptions(photos=2, starts=True, paint=1, long_side=96, faces=3000, carved_faces=6000)
 
 
 OVERCAST = Lighting(sun=(0.0, 0.0, 0.0), sky=(0.8, 0.82, 0.85), bounce=(0.3, 0.28, 0.25))

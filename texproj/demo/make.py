@@ -17,7 +17,7 @@ from texproj.demo.pattern import painted
 from texproj.demo.photographer import Scene, ShotOptions, photograph, set_up, shaded
 from texproj.demo.picks import picked
 from texproj.demo.sensor import Sensor
-from texproj.demo.views import View, camera_at, disturbed, tour
+from texproj.demo.views import View, arc, camera_at, disturbed, tour
 from texproj.mesh import Mesh, vertex_normals
 from texproj.options import DemoOptions
 from texproj.photo import Correspondences
@@ -85,9 +85,11 @@ def make_demo(
     scan = scanned(made, options.faces, options.scan_noise_mm / 1000, options.seed)
     scan = Mesh(scan.vertices + origin, scan.faces)
     true = Mesh(true.vertices + origin, true.faces)
-    scene = set_up(true, painted(options.seed), Lighting(), gloss=options.gloss, origin=origin)
+    pattern = painted(options.seed, options.paint)
+    scene = set_up(true, pattern, Lighting(), gloss=options.gloss, origin=origin)
     photos = []
-    for number, view in enumerate(tour(options.photos)):
+    views = (tour if options.starts else arc)(options.photos)
+    for number, view in enumerate(views):
         progress(f"taking photo {number + 1} of {options.photos}")
         photos.append(_taken(scene, scan, view, number, options))
     albedo, light = true_colors(scene, scan)
@@ -145,6 +147,8 @@ def _taken(scene: Scene, scan: Mesh, view: View, number: int, options: DemoOptio
     photo = DemoPhoto(
         f"IMG_{number + 1:04d}.jpg", jpeg(shot.pixels, exif), shot.object_mask, camera
     )
+    if not options.starts:
+        return photo
     if number % 2:
         count = int(rng.integers(10, 15))
         return replace(photo, picks=picked(scan, camera, count, options.pick_sigma_px, rng))

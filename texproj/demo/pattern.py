@@ -28,11 +28,19 @@ def uniform(albedo: float = 0.5) -> Pattern:
     return partial(_constant, albedo=albedo)
 
 
-def painted(seed: int = 0) -> Pattern:
+def painted(seed: int = 0, paint: float = 1.0) -> Pattern:
     """Weathered limestone with the rests of paint: bands, chevrons, a blue niche, spiral
     stripes; veins, lichen, soot and grain down to a millimetre.
+
+    paint: share of all that which is left over plain stone.
     """
-    return partial(_painted, seed=seed)
+    whole = partial(_painted, seed=seed)
+    return whole if paint == 1 else partial(_faded, pattern=whole, paint=paint)
+
+
+def _faded(xyz: Floats, pattern: Pattern, paint: float) -> Floats:
+    stone = np.float32(1 - paint) * np.asarray(LIMESTONE, np.float32)
+    return np.float32(paint) * pattern(xyz) + stone
 
 
 def _constant(xyz: Floats, albedo: float) -> Floats:

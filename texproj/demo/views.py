@@ -62,7 +62,30 @@ TOUR = (
     View(38, 18, ev=0.5, visitor=True),
     View(14, 44, 1.38, ev=-0.2, upright=False, body=REFLEX),
 )
-"""The demo's round: eight views all around and one from above."""
+"""A round: eight views all around and one from above, too far apart to find each other."""
+
+
+ARC_DEG = 66.0
+"""How far to either side of the front somebody walks who photographs it."""
+HEIGHTS_DEG = (10.0, 24.0, 38.0)
+EXPOSURES = (0.2, -0.2, 0.0, 0.4)
+
+
+def arc(photos: int) -> tuple[View, ...]:
+    """`photos` views of the front from left to right, each near the next, from three heights, by
+    two cameras; somebody walks into one of them.
+    """
+    azimuths = np.linspace(-ARC_DEG, ARC_DEG, photos) if photos > 1 else np.zeros(1)
+    return tuple(
+        View(
+            float(azimuth),
+            HEIGHTS_DEG[k % len(HEIGHTS_DEG)],
+            ev=EXPOSURES[k % len(EXPOSURES)],
+            visitor=k == photos // 3,
+            body=REFLEX if 2 * k < photos else COMPACT,
+        )
+        for k, azimuth in enumerate(azimuths)
+    )
 
 
 def tour(photos: int) -> tuple[View, ...]:

@@ -37,7 +37,8 @@ def write_demo(
     _write_ply(truth / "albedo.ply", demo.mesh, _encoded(demo.albedo))
     _write_ply(truth / "shaded.ply", demo.mesh, _encoded(demo.shaded))
     _write_ply(folder / "mesh/scan.ply", demo.mesh, None)
-    write_atomically(folder / "cameras.json", cameras_json(demo.starts))
+    if demo.starts:
+        write_atomically(folder / "cameras.json", cameras_json(demo.starts))
     return demo
 
 

@@ -43,9 +43,12 @@ class DemoOptions:
     """What is carved."""
     seed: Annotated[int, Field(ge=0)] = 0
     """Another number, another piece, other photos; the same number gives the same bytes."""
-    photos: Annotated[int, Field(ge=1, le=99)] = 9
-    """Number of photos; every second has picked points, the others have a rough camera."""
-    long_side: Annotated[int, Field(ge=64, le=6000)] = 960
+    photos: Annotated[int, Field(ge=1, le=99)] = 12
+    """Number of photos."""
+    starts: bool = False
+    """Photos all around, every second with picked points, the others with a rough camera; else
+    photos of the front that overlap, and nothing is known of any."""
+    long_side: Annotated[int, Field(ge=64, le=6000)] = 800
     """Longer side of the photos in pixels."""
     faces: Annotated[int, Field(ge=500, le=5_000_000)] = 60_000
     """Triangles of the scan, about."""
@@ -59,6 +62,8 @@ class DemoOptions:
     """The rough cameras have the true lens; else only the focal length that EXIF tells."""
     pick_sigma_px: Annotated[float, Field(ge=0, le=50)] = 1.0
     """Standard deviation of the picks, along each axis."""
+    paint: Annotated[float, Field(ge=0, le=1)] = 0.5
+    """Share of the paint that is left on the stone; its edges are none of the shape."""
     gloss: Annotated[float, Field(ge=0, le=5)] = 0.5
     """Strength of the highlight; 0 is matte, 1 polished."""
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)

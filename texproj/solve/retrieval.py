@@ -66,6 +66,28 @@ def vlad(descriptors: Floats, centers: Floats) -> Floats:
     return (flat / max(float(np.linalg.norm(flat)), 1e-12)).astype(np.float32)
 
 
+def most_alike(
+    descriptors: Sequence[Floats], sampled: int, most: int
+) -> tuple[tuple[int, ...], ...]:
+    """For each photo up to `most` others, the most alike first.
+
+    descriptors: (n, 128) of each photo, n > 0; sampled: of how many of each typical ones are found.
+    """
+    if not descriptors:
+        return ()
+    some = [rows[:: max(1, len(rows) // sampled)].astype(np.float32) for rows in descriptors]
+    centers = centers_of(training_sample(some))
+    vectors = np.stack([vlad(rows.astype(np.float32), centers) for rows in descriptors])
+    found: list[tuple[int, ...]] = []
+    for start in range(0, len(vectors), COMPARED):
+        likeness = vectors[start : start + COMPARED] @ vectors.T
+        rows = np.arange(len(likeness))
+        likeness[rows, rows + start] = -np.inf
+        order = np.argsort(-likeness, axis=1, kind="stable")[:, : min(most, len(vectors) - 1)]
+        found += [tuple(row) for row in order.tolist()]
+    return tuple(found)
+
+
 def training_sample(descriptors: Sequence[Floats]) -> Floats:
     """(n, 128) evenly from all photos."""
     rows = np.concatenate(descriptors)

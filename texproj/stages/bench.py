@@ -124,6 +124,18 @@ class Workbench:
         return self._bare_scene
 
     @cached_property
+    def light_scene(self) -> Scene:
+        """The mesh with its ambient occlusion for comparing it with reduced photos: one of fewer
+        faces where it has millions.
+        """
+        from texproj.register.block.light_mesh import light_mesh  # noqa: PLC0415 - slow to load
+
+        light = light_mesh(self.mesh)
+        if light is self.mesh:
+            return self.scene
+        return self._open.enter_context(self.renderer.load(light, ambient_occlusion(light)))
+
+    @cached_property
     def _bare_scene(self) -> Scene:
         return self._open.enter_context(self.renderer.load(self.mesh))
 

@@ -6,6 +6,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
+from itertools import chain
 from typing import Any
 
 from texproj.files import json_hash
@@ -15,6 +16,7 @@ from texproj.records import CameraRecord
 from texproj.stages.entries import Entries, camera_hash, own_registration, start_of
 from texproj.stages.freshness import FAILED, Freshness, Inputs, changed_inputs, file_inputs
 from texproj.stages.methods import AUTO, MOST_COMPARED, READS
+from texproj.stages.partners import companions
 
 STAGE = "register"
 VERSION = 2
@@ -95,34 +97,53 @@ class Sources:
 
 
 class Neighborhood:
-    """The photos in the order of their names, and which of those around one are registered."""
+    """The photos in the order of their names, and which of those around one are registered.
 
-    def __init__(self, names: Sequence[str], registered: Collection[str]) -> None:
+    companions: by photo, the others that show the same, the best first.
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        registered: Collection[str],
+        companions: Mapping[str, Sequence[str]],
+    ) -> None:
         self._rank = {name: k for k, name in enumerate(names)}
         self._registered = [name for name in names if name in registered]
         self._ranks = [self._rank[name] for name in self._registered]
+        self.companions = companions
 
     def around(self, name: str, apart: Collection[str]) -> tuple[str, ...]:
-        """The registered photos next to `name`, nearest first, without `name` and those `apart`."""
-        found: list[str] = []
-        for other in self._outwards(self._rank[name]):
+        """The registered photos that are next to `name`, without `name` and those `apart`: first
+        those that show the same, then those whose names are next to it.
+        """
+        found: dict[str, None] = {}
+        for other in chain(self._companions(name), self._outwards(self._rank[name])):
             if other != name and other not in apart:
-                found.append(other)
+                found[other] = None
                 if len(found) == MOST_COMPARED:
                     break
         return tuple(found)
 
+    def _companions(self, name: str) -> Iterator[str]:
+        return (other for other in self.companions.get(name, ()) if self._has(other))
+
+    def _has(self, name: str) -> bool:
+        rank = self._rank.get(name, -1)
+        place = bisect_left(self._ranks, rank)
+        return self._ranks[place : place + 1] == [rank]
+
     def add(self, name: str) -> None:
         """One more photo is registered."""
-        place = bisect_left(self._ranks, self._rank[name])
-        if self._registered[place : place + 1] != [name]:
+        if not self._has(name):
+            place = bisect_left(self._ranks, self._rank[name])
             self._registered.insert(place, name)
             self._ranks.insert(place, self._rank[name])
 
     def remove(self, name: str) -> None:
         """A photo is registered no more."""
-        place = bisect_left(self._ranks, self._rank[name])
-        if self._registered[place : place + 1] == [name]:
+        if self._has(name):
+            place = bisect_left(self._ranks, self._rank[name])
             del self._registered[place], self._ranks[place]
 
     def _outwards(self, rank: int) -> Iterator[str]:
@@ -165,7 +186,8 @@ class Lineage:
         names, sources = project.photo_names, Sources(project)
         cameras = own_cameras(entries)
         registered = {n for n in names if n in entries and entries[n].registered_camera}
-        around, behind = Neighborhood(names, registered), Behind(entries.values())
+        around = Neighborhood(names, registered, companions(project))
+        behind = Behind(entries.values())
         traces = {name: Trace.read(project, name) for name in names}
         alone = {
             name: state(

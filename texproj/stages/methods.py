@@ -40,7 +40,7 @@ class Job:
     """One photo to be registered.
 
     start: what is known of its camera beforehand; neighbors: registered photos by name, at most
-    `MOST_COMPARED`, those next in the order of names first.
+    `MOST_COMPARED`, those that show most of the same first.
     """
 
     bench: Workbench

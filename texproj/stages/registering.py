@@ -19,6 +19,7 @@ from texproj.stages.lineage import FAULT, STAGE, Behind, Lineage, Neighborhood, 
 from texproj.stages.methods import (
     AUTO,
     METHODS,
+    MOST_COMPARED,
     NEAREST,
     Job,
     Search,
@@ -35,10 +36,15 @@ from texproj.stages.outcomes import (
     refused_record,
     registered_record,
 )
+from texproj.stages.partners import companions, compare_looks, load_graph
 from texproj.stages.progress import Progress, silent
 from texproj.stages.wave import Evidence, Wave
 
 Names = tuple[str, ...]
+
+STANDS_APART = (
+    "shows nothing that the registered photos show; leave it out (`exclude`) or pick 4 points"
+)
 
 
 def _block(
@@ -107,7 +113,9 @@ class _Run:
         self.cameras, self.traces = dict(self.lineage.cameras), dict(self.lineage.traces)
         self.behind = Behind(self.entries.values())
         registered = {n for n, entry in self.entries.items() if entry.registered_camera}
-        self.near = Neighborhood(self.project.photo_names, registered)
+        self.graph = load_graph(self.project)
+        known = companions(self.project)
+        self.near = Neighborhood(self.project.photo_names, registered, known)
         self.waiting = set(chosen)
         self.shaken = {name for name in chosen if self.through(name)}
         self.own: dict[str, Search] = {}
@@ -170,6 +178,7 @@ class _Run:
     def attend_together(self, names: Names, anchors: Mapping[str, CameraRecord]) -> bool:
         """Place photos all at once; returns whether one was found."""
         searches = self.placed(names, anchors) if names else {}
+        self.learn_companions()
         for name, found in searches.items():
             self.blocks[name] = names
             if found.fit is not None or name in self.outcomes:
@@ -217,6 +226,7 @@ class _Run:
     def attend_through_others(self) -> None:
         """What the photos that are registered show of others, and those of others again."""
         search = self.by_others if self.asked == AUTO else _by_features
+        self.look_for_companions()
         wave = Wave(self.evidence, self.strength, self.waits)
         for name in self.chosen:
             if name in self.waiting or self.outcomes[name].may_be_helped:
@@ -225,6 +235,7 @@ class _Run:
         while (following := wave.next()) is not None:
             name = following
             if name not in self.waiting or not self.keep_if_it_holds(name, self.state(name)):
+                self.failed_with[name] = self.evidence(name)
                 self.attend(name, search)
             if not self.outcomes[name].may_be_helped:
                 wave.drop(name)
@@ -232,6 +243,20 @@ class _Run:
                 wave.look()
         for name in wave.left:
             self.trace_again(name)
+
+    def look_for_companions(self) -> None:
+        """Compare the looks of all photos, where there are too many registered ones to try each
+        with a photo of which nothing is known.
+        """
+        unknown = [n for n in self.chosen if n in self.waiting and n not in self.near.companions]
+        if unknown and len(self.registered) > MOST_COMPARED:
+            compare_looks(self.bench, self.progress)
+            self.learn_companions()
+
+    def learn_companions(self) -> None:
+        """Read again which photos show the same."""
+        self.graph = load_graph(self.project)
+        self.near.companions = companions(self.project)
 
     def by_others(self, job: Job) -> Search:
         """By the photo's own means where that was not tried yet, then by what others show."""
@@ -241,6 +266,8 @@ class _Run:
             if own.fit is not None:
                 return own
             self.own[job.name] = own
+        if not job.has_means and self.graph.stands_apart(job.name, self.registered):
+            return Search(None, (STANDS_APART,), ("features",))
         self.places[job.name] = {*(before or ()), *list(job.neighbors)[:NEAREST]}
         return search_by_others(job, own.reason if own.tried else "", before)
 

@@ -24,6 +24,7 @@ from texproj.stages.refining import (
 )
 from texproj.stages.registering import register_photos, registration_freshness
 from texproj.stages.reporting import ReportOutcome, report_freshness, report_project
+from texproj.stages.story import story
 
 NONE_REGISTERED = "no photo could be registered, so there is no model; each says what it needs"
 SWITCHED_OFF = "switched off since then; the next run goes back to each photo's own registration"
@@ -53,6 +54,11 @@ class RunOutcome:
         return {**unregistered, **thrown_out, **(self.color.failed if self.color else {})}
 
     @property
+    def story(self) -> str:
+        """What became of the photos, in one sentence."""
+        return story(self.photos, self.refined is not None, self.failed)
+
+    @property
     def tally(self) -> Tally:
         unusable = self.reason if self.color is None else ""
         return Tally(len(self.failed), len(self.photos), "used", unusable, self.fault)
@@ -61,6 +67,8 @@ class RunOutcome:
         """For people."""
         for photo in self.photos:
             yield from photo.lines()
+        if told := self.story:
+            yield told
         if self.unrefined:
             names = ", ".join(self.unrefined)
             yield f"refinement is switched off: back to their own registration: {names}"
@@ -76,6 +84,7 @@ class RunOutcome:
             "color": self.color and self.color.as_dict(),
             "report": self.report.as_dict()["files"],
             "reason": self.reason,
+            "story": self.story,
             "unrefined": self.unrefined,
             "fault": self.fault,
         }

@@ -107,7 +107,9 @@ def anchored(block: Reconstruction, anchors: Sequence[Anchor], seed: int = 0) ->
             "shows it; register a photo that shows more of it"
         )
     near = NEARBY * max(anchor.camera.width for anchor in anchors)
-    place, scale = _settled(_best_triple(pairs, near, np.random.default_rng(seed)), pairs, near)
+    noise_px = np.array([anchor.expected_error_px for anchor in anchors])
+    first = _best_triple(pairs, near, np.random.default_rng(seed))
+    place, scale = _settled(first, pairs, near, noise_px)
     agree = pairs.offset_px(place) < min(near, OUTSIDE * scale)
     if agree.mean() < LEAST_SHARE or agree.sum() < LEAST_PAIRS:
         raise RegistrationError(
@@ -152,16 +154,23 @@ def _best_triple(pairs: _Pairs, near: float, rng: np.random.Generator) -> Simila
     return Similarity(float(scale[best]), R[best], t[best])
 
 
-def _settled(place: Similarity, pairs: _Pairs, near: float) -> tuple[Similarity, float]:
-    """The place after rounds of least squares with a Cauchy loss, and its scale, pixels."""
+def _settled(
+    place: Similarity, pairs: _Pairs, near: float, noise_px: Doubles
+) -> tuple[Similarity, float]:
+    """The place after rounds of least squares with a Cauchy loss, and its scale, pixels.
+
+    noise_px: (a,) what all pairs of an anchor may be off together.
+    """
     scale = near / 2
+    number = np.bincount(pairs.anchor, minlength=len(noise_px))[pairs.anchor]
     for _ in range(ROUNDS):
         offset = pairs.offset_px(place)
         close = offset < near
         if close.sum() < 3:
             break
         scale = max(LEAST_SCALE_PX, float(np.median(offset[close])))
-        place = _fitted(pairs, pairs.px**2 / (1 + (offset / scale) ** 2))
+        trust = 1 / (number * noise_px[pairs.anchor] ** 2 + scale**2)
+        place = _fitted(pairs, trust * pairs.px**2 / (1 + (offset / scale) ** 2))
     return place, scale
 
 

@@ -5,18 +5,22 @@ Computer 2005, with features in place of clicks).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+
+LEAST_SHARED = 30
+"""Matches below which a pair proves nothing: photos of two places had up to 20."""
 
 
 @dataclass(frozen=True, eq=False)
 class PhotoGraph:
     """Verified pairs of photos. matches: how many points both photos of a pair show, by the pair's
-    two names in alphabetical order.
+    two names in alphabetical order; compared: all photos that were looked at.
     """
 
     matches: Mapping[tuple[str, str], int]
+    compared: frozenset[str] = frozenset()
 
     @cached_property
     def _neighbors(self) -> Mapping[str, tuple[tuple[int, str], ...]]:
@@ -30,6 +34,19 @@ class PhotoGraph:
         """The photos that show the same as `name`, those with most matches first."""
         return tuple(other for _, other in self._neighbors.get(name, ()))
 
+    def joined(self, newer: PhotoGraph) -> PhotoGraph:
+        """This graph, and a newer one in its place where both know a pair."""
+        return PhotoGraph({**self.matches, **newer.matches}, self.compared | newer.compared)
+
     def count(self, a: str, b: str) -> int:
         """How many points were matched between two photos, and verified."""
         return self.matches.get((min(a, b), max(a, b)), 0)
+
+    def stands_apart(self, name: str, others: Collection[str]) -> bool:
+        """Whether a photo was compared with some of the others and shows hardly anything that one
+        of them shows.
+        """
+        known = self.compared & {*others} - {name}
+        if name not in self.compared or not known:
+            return False
+        return all(self.count(name, other) < LEAST_SHARED for other in known)

@@ -33,9 +33,9 @@ def place_block(
 ) -> BlockFit:
     """Where on `mesh` the photos of `block` belong, and whether to believe it.
 
-    render: depth, normal, ambient occlusion and front of the mesh for a camera; load_photo: a
-    photo by name, reduced to about 1024 pixels. The same seed gives the same result. Raises
-    RegistrationError where there is nothing to compare.
+    render: depth, normal, ambient occlusion and front of the mesh, or of its `light_mesh`, for a
+    camera; load_photo: a photo by name, reduced to about 1024 pixels. The same seed gives the same
+    result. Raises RegistrationError where there is nothing to compare.
     """
     told("comparing the photos' points with the mesh", 0.0)
     cloud = Cloud.of(block, seed)

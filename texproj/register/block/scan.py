@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from texproj.arrays import Doubles
 from texproj.mesh import Mesh
+from texproj.register.block.light_mesh import light_mesh
 from texproj.register.block.scan_samples import ScanSamples
 from texproj.render.rays import RayCaster
 
@@ -15,7 +16,9 @@ SURFACE_STEP = 8
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """samples: of the surface; caster: of rays. Both in the frame in which the mesh has size 1."""
+    """samples: of the surface; caster: of rays against a mesh of fewer faces where it has millions.
+    Both in the frame in which the mesh has size 1.
+    """
 
     samples: ScanSamples
     caster: RayCaster
@@ -31,8 +34,8 @@ class Scan:
 
     @classmethod
     def _made(cls, mesh: Mesh, samples: ScanSamples) -> Scan:
-        unit_from_world = samples.world_from_unit.inverse
-        return cls(samples, RayCaster(unit_from_world.apply(mesh.vertices), mesh.faces))
+        unit_from_world, light = samples.world_from_unit.inverse, light_mesh(mesh)
+        return cls(samples, RayCaster(unit_from_world.apply(light.vertices), light.faces))
 
     @property
     def surface(self) -> Doubles:

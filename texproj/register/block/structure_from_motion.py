@@ -190,4 +190,5 @@ def _largest_angles(model: Model, centers: Any) -> Any:
 def _graph(result: Result, photos: Sequence[BlockPhoto]) -> PhotoGraph:
     names = [photo.name for photo in photos]
     pairs = (tuple(sorted((names[i], names[j]))) for i, j in result.pairs)
-    return PhotoGraph({(a, b): int(n) for (a, b), n in zip(pairs, result.matches, strict=True)})
+    matches = {(a, b): int(n) for (a, b), n in zip(pairs, result.matches, strict=True)}
+    return PhotoGraph(matches, frozenset(names))

@@ -1,0 +1,125 @@
+"""A block of photos of which some are registered: held there, if the others bear them out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+from texproj.camera import Camera
+from texproj.errors import InputError, RegistrationError
+from texproj.photo import Photo
+from texproj.records import THROUGH, CameraRecord, Fit
+from texproj.register.block.anchor import Anchor, Anchored, anchored
+from texproj.register.block.confirmation import Confirmation, confirmation
+from texproj.register.block.reconstruction import Reconstruction
+from texproj.register.proof.prove import prove
+from texproj.stages.bench import FEATURES_LONGEST, Workbench
+from texproj.stages.block_fits import (
+    STAGE,
+    STEPS,
+    Told,
+    certain,
+    fit_of,
+    load_reduced,
+    rendered,
+)
+from texproj.stages.block_search import searched
+from texproj.stages.entries import expected_error_px
+from texproj.stages.methods import REGISTRATION_LONGEST
+from texproj.stages.progress import Progress
+
+MOST_AGREE = 0.6
+"""Share of the photos that must agree on the surface where the mesh has no structure to be found:
+at a wrong place hardly any do."""
+
+
+def held(
+    bench: Workbench, part: Reconstruction, own: Mapping[str, CameraRecord], progress: Progress
+) -> Told:
+    """The photos of a part where those of them that are registered put it, if the others bear them
+    out; else where its shape fits the mesh.
+    """
+    try:
+        place = anchored(part, [_anchor(bench, record) for record in own.values()])
+    except RegistrationError:
+        if part.names == tuple(own):
+            raise
+        return _against(bench, part, own, progress)
+    through = [name for name in own if name not in place.contradicts]
+    progress(STAGE, 0, STEPS, "asking the photos")
+    load = partial(load_reduced, bench, longest=REGISTRATION_LONGEST)
+    asked = confirmation(part, place, bench.mesh, partial(rendered, bench), load)
+    if asked.contradicts or not (asked.agrees or _agree(bench, part, place, through)):
+        return _against(bench, part, own, progress)
+    quality = {"block_photos": len(part.names), THROUGH: through,
+               "support": round(asked.support, 3)}  # fmt: skip
+    cameras = [place.world_from_block.camera(camera) for camera in part.cameras]
+    errors = [float(error) for error in place.expected_error_px]
+    if asked.agrees and asked.sure is not None:
+        return _surest(part, asked, cameras, errors, quality)
+    return {name: certain(fit_of(cameras[k], part, k, errors[k], quality))
+            for k, name in enumerate(part.names)}  # fmt: skip
+
+
+def _surest(
+    part: Reconstruction,
+    asked: Confirmation,
+    cameras: Sequence[Camera],
+    errors_px: Sequence[float],
+    quality: Mapping[str, Any],
+) -> Told:
+    """The photos where anchors, or where the mesh's structure puts them, whichever is more exact;
+    anchors and photos agree. cameras, errors_px: by the anchors.
+    """
+    assert asked.sure is not None
+    by_structure, percent = asked.cameras(part), asked.sure.expected_percent
+    told: Told = {}
+    for k, name in enumerate(part.names):
+        error_px = percent / 100 * max(cameras[k].width, cameras[k].height)
+        if error_px < errors_px[k]:
+            told[name] = certain(fit_of(by_structure[name], part, k, error_px, quality))
+        else:
+            told[name] = certain(fit_of(cameras[k], part, k, errors_px[k], quality))
+    return told
+
+
+def _against(
+    bench: Workbench, part: Reconstruction, own: Mapping[str, CameraRecord], progress: Progress
+) -> Told:
+    """The photos of a part where its shape fits the mesh, in spite of those that are registered."""
+    wrong = f"{', '.join(own)} is registered where the other photos do not bear it out"
+    try:
+        told = searched(bench, part, progress)
+    except RegistrationError as error:
+        raise RegistrationError(f"{wrong}; {error}") from None
+    return {
+        name: replace(fit, reason="; ".join(filter(None, [wrong, fit.reason])))
+        for name, fit in told.items() if isinstance(fit, Fit)
+    }  # fmt: skip
+
+
+def _agree(bench: Workbench, part: Reconstruction, place: Anchored, through: Sequence[str]) -> bool:
+    """Whether most photos show the same at the same points of the surface where the anchors put
+    them: of a smooth painted thing the mesh has no structure to be found.
+    """
+    cameras = [place.world_from_block.camera(camera) for camera in part.cameras]
+
+    def load(k: int, longest: int) -> Photo:
+        return load_reduced(bench, part.names[k], longest)
+
+    others = [k for k, name in enumerate(part.names) if name not in through] or None
+    try:
+        found = prove(cameras, load, partial(rendered, bench), others)
+    except InputError:  # a photo that cannot be read proves nothing
+        return False
+    proved = sum(proof.standing == "proved" for proof in found.values())
+    return proved >= MOST_AGREE * len(found)
+
+
+def _anchor(bench: Workbench, record: CameraRecord) -> Anchor:
+    camera = record.registered_camera
+    assert camera is not None
+    seen = bench.plain_scene.gbuffer(camera.reduced(FEATURES_LONGEST), ("depth",))
+    return Anchor(record.file, camera, seen.require("depth"), expected_error_px(record))

@@ -1,0 +1,69 @@
+"""What a run made of the photos, in one sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from texproj.stages.outcomes import PhotoOutcome
+
+MOST_NAMED = 8
+"""Photos with one reason that are named; of more, the number is told."""
+
+
+def story(photos: Sequence[PhotoOutcome], refined: bool, left_out: Mapping[str, str]) -> str:
+    """How the photos were found, how exact they are, and which were left out and why, each named
+    once; empty if there is nothing to tell. left_out: reasons by photo; their first part is told.
+    """
+    found = [photo for photo in photos if not photo.failed]
+    parts = [*_blocks(found), *_others(found)]
+    if refined and (errors := _errors_px(found)):
+        parts.append(f"refined to {np.median(errors):.1f} px")
+    if left_out:
+        parts.append(_left_out(left_out))
+    return "; ".join(parts)
+
+
+def _blocks(found: Sequence[PhotoOutcome]) -> Iterator[str]:
+    """A word on the photos that were placed together."""
+    placed = [photo.record.quality for photo in found if photo.record.method == "block"]
+    if not placed:
+        return
+    sure = next((q for q in placed if "rival" in q), None)
+    how = "held by registered ones" if sure is None else (
+        f"structure {sure['support']:.0%}, next best place {sure['rival']:.0%}"
+    )  # fmt: skip
+    yield f"{len(placed)} photos overlap; placed as one block on the scan ({how})"
+
+
+def _others(found: Sequence[PhotoOutcome]) -> Iterator[str]:
+    methods = [photo.record.method for photo in found if photo.record.method not in (None, "block")]
+    counts = {method: methods.count(method) for method in dict.fromkeys(methods)}
+    if counts:
+        yield ", ".join(f"{count} found by {method}" for method, count in counts.items())
+
+
+def _errors_px(found: Sequence[PhotoOutcome]) -> list[float]:
+    told = [photo.record.quality.get("expected_error_px") for photo in found]
+    return [float(error) for error in told if error is not None]
+
+
+def _left_out(reasons: Mapping[str, str]) -> str:
+    """Photos that share a reason are named together."""
+    by_reason: dict[str, list[str]] = {}
+    for name, why in reasons.items():
+        by_reason.setdefault(_short(name, why), []).append(name)
+    count = f"{len(reasons)} photo{'s' if len(reasons) > 1 else ''} left out"
+    told = [f"{_named(names)} ({why})" for why, names in by_reason.items()]
+    return f"{count}: {', '.join(told)}"
+
+
+def _named(names: Sequence[str]) -> str:
+    more = len(names) - MOST_NAMED
+    return ", ".join(names[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
+
+
+def _short(name: str, reason: str) -> str:
+    """The first part of a reason, without what to do."""
+    return reason.removeprefix(f"{name}: ").split(";")[0].split(" (")[0].strip()
