@@ -21,6 +21,9 @@ NEW_SETTINGS = """\
 # Settings of this project. Every key is optional; `texproj COMMAND --help` lists them all.
 mesh = {mesh}
 photos = "photos"
+
+[output]
+up = "auto"  # a glb stands upright in viewers: upward in the photos, or x, -x, y, -y, z, -z
 """
 
 LOOKED_AT_PX = 256

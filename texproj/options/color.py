@@ -126,5 +126,12 @@ class OutputOptions:
     normals: bool = True
     """Write a normal for each vertex."""
 
+    up: Literal["auto", "x", "-x", "y", "-y", "z", "-z"] = "y"
+    """The scan's upward axis, by which a glb is turned to stand upright (glTF has y upwards): a
+    node turns it, coordinates stay the scan's, in obj and ply too. auto: upward in the photos."""
+
+    unit: Literal["auto", "m", "cm", "mm"] = "auto"
+    """The scan's unit, by which the same node scales a glb to metres; auto = as it is."""
+
     unlit: bool = True
     """A glb shows the colors as photographed, without lights of the viewer's own."""

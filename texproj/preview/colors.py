@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 
 from texproj.errors import InputError
 from texproj.formats.foreign import Broken, foreign_parser
+from texproj.formats.models import scan_from_node
 from texproj.photo import srgb_from_linear
 from texproj.preview.surface import Surface
 from texproj.project import Project
@@ -64,16 +65,15 @@ def _ply_colors(path: Path) -> NDArray[np.uint8]:
 
 
 def _scene_colors(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
-    """Vertices of all parts of a glb in the world, and the color at each."""
+    """Vertices of all parts of a glb in the scan's frame, and the color at each."""
     scene = trimesh.load_scene(path, process=False)
     parts = [_part_colors(scene, node) for node in scene.graph.nodes_geometry]
     return np.concatenate([xyz for xyz, _ in parts]), np.concatenate([rgba for _, rgba in parts])
 
 
 def _part_colors(scene: trimesh.Scene, node: str) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
-    """Vertices of one primitive in the world, and its own or the texture's color at each."""
-    transform, name = scene.graph[node]
-    part = scene.geometry[name]
+    """Vertices of one primitive in the scan's frame, and its own or the texture's color at each."""
+    transform, part = scan_from_node(scene, node), scene.geometry[scene.graph[node][1]]
     colors = np.zeros((len(part.vertices), 4), np.uint8)
     linear = getattr(part.visual, "vertex_attributes", {}).get("color")
     if linear is not None:

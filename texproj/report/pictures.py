@@ -13,6 +13,7 @@ from texproj.camera import Camera, Intrinsics, Pose
 from texproj.mesh import Mesh
 from texproj.photo import Correspondences, Photo
 from texproj.render import GBuffer
+from texproj.standing import upward
 
 OVERLAY_LONGEST = 800
 """Longer side of a photo in the report, pixels."""
@@ -112,7 +113,7 @@ def viewpoints(mesh: Mesh, cameras: Sequence[Camera]) -> list[Camera]:
     Upward in the views is upward in the photos.
     """
     center = mesh.center
-    up, front = _upward(cameras), _frontal(cameras, center)
+    up, front = upward(cameras), _frontal(cameras, center)
     level = _unit(front - up * (front @ up))
     elevation = np.radians(VIEW_ELEVATION_DEG)
     back = np.cos(elevation) * level + np.sin(elevation) * up
@@ -131,19 +132,6 @@ def _filling_lens(mesh: Mesh, pose: Pose) -> Intrinsics:
     reach = np.abs(xyz[:, :2] / xyz[:, 2:]).max(0)
     focal = VIEW_FILLED / 2 * float(np.min((width, height) / np.maximum(reach, 1e-9)))
     return Intrinsics(width, height, focal, focal, width / 2, height / 2)
-
-
-def _upward(cameras: Sequence[Camera]) -> NDArray[np.float64]:
-    """Upward in the world: what is most at right angles to the photos' horizontal axes."""
-    if not cameras:
-        return np.array([0.0, 0, 1])
-    ups = -np.mean([camera.pose.R[1] for camera in cameras], axis=0)
-    if len(cameras) < 3:
-        return _unit(ups)
-    _, spread, axes = np.linalg.svd(np.array([camera.pose.R[0] for camera in cameras]))
-    if spread[1] < 0.3 * spread[0]:  # all from one side: the horizontal axes say too little
-        return _unit(ups)
-    return axes[2] * np.sign(axes[2] @ ups)
 
 
 def _frontal(cameras: Sequence[Camera], center: NDArray[np.float64]) -> NDArray[np.float64]:

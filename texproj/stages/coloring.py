@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,7 +27,7 @@ from texproj.stages.freshness import (
 )
 from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
-from texproj.stages.writing import output_plan, write_texture, write_vertices
+from texproj.stages.writing import OutputPlan, output_plan, write_texture, write_vertices
 
 if TYPE_CHECKING:
     from texproj.color.checker.fit import Checker
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from texproj.color.sampling.photo_set import PhotoSet
 
 STAGE = "color"
-VERSION = 2
+VERSION = 3
 Write = Callable[[Path], tuple[str, ...]]
 SECTIONS = ("color", "unwrap", "patches", "output", "render")
 
@@ -93,7 +93,8 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
         return _outcome(project, before, kept=True)
     inputs = _inputs(project)
     cameras, failed = usable_cameras(project)
-    colors, write = _made(bench, photo_set(project, cameras), progress)
+    plan = output_plan(project.settings.color, project.settings.output, tuple(cameras.values()))
+    colors, write = _made(bench, photo_set(project, cameras), plan, progress)
     failed |= colors.failed
     if not set(cameras) - set(failed):
         raise InputError(f"no photo could be read: {'; '.join(failed.values())}")
@@ -106,6 +107,7 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
         "used": [name for name in cameras if name not in failed],
         "failed": failed,
         "quality": colors.quality,
+        "standing": asdict(plan.standing),
         "mesh notes": list(bench.source.notes),
     }
     project.save_record(STAGE, None, record)
@@ -196,7 +198,7 @@ def photo_set(project: Project, cameras: Mapping[str, Camera]) -> PhotoSet:
 
 
 def _made(
-    bench: Workbench, photos: PhotoSet, progress: Progress
+    bench: Workbench, photos: PhotoSet, plan: OutputPlan, progress: Progress
 ) -> tuple[VertexColors | Texture, Write]:
     """The colors of the model, and what writes it into a folder and returns the file names."""
     from texproj.color.vertices import color_vertices  # noqa: PLC0415 - slow to load
@@ -205,7 +207,6 @@ def _made(
         progress(STAGE, done, total, "")
 
     options, checker = bench.project.settings.color, checker_of(bench.project)
-    plan = output_plan(options, bench.project.settings.output)
     if options.to == "vertices":
         colors = color_vertices(bench.mesh, photos, bench.renderer, options, checker, tell)
         return colors, lambda folder: write_vertices(folder, bench.source, colors, plan)

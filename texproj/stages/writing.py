@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.camera import Camera
 from texproj.color.result import Texture, VertexColors, textured_mesh
 from texproj.errors import UsageError
 from texproj.formats.models import (
@@ -30,6 +31,7 @@ from texproj.formats.models.images import IMAGE_SUFFIXES
 from texproj.mesh import ColoredMesh, Mesh, MeshSource, TexturedMesh, vertex_normals
 from texproj.options import ColorOptions, OutputOptions
 from texproj.photo import srgb_from_linear
+from texproj.standing import Standing, standing
 
 STEM = "model"
 PLY, GLB, OBJ = "model.ply", "model.glb", "model.obj"
@@ -42,7 +44,7 @@ Kind = Literal["ply", "glb", "obj"]
 @dataclass(frozen=True)
 class OutputPlan:
     """Which files are written, and how. obj_image, glb_image: formats of their pages; bits: per
-    channel, where a file can hold them.
+    channel, where a file can hold them; standing: how the scan stands.
     """
 
     models: tuple[Kind, ...]
@@ -50,10 +52,15 @@ class OutputPlan:
     glb_image: GlbImage
     bits: int
     options: OutputOptions
+    standing: Standing
 
 
-def output_plan(color: ColorOptions, output: OutputOptions) -> OutputPlan:
-    """What the settings ask for. Raises UsageError for what cannot be written."""
+def output_plan(
+    color: ColorOptions, output: OutputOptions, cameras: Sequence[Camera] = ()
+) -> OutputPlan:
+    """What the settings ask for; the cameras tell how the scan stands. Raises UsageError for what
+    cannot be written.
+    """
     textured = color.to != "vertices"
     possible: tuple[Kind, ...] = ("glb", "obj") if textured else ("ply", "glb")
     asked: set[Kind] = {model for model in output.models if model != "auto"}
@@ -72,6 +79,7 @@ def output_plan(color: ColorOptions, output: OutputOptions) -> OutputPlan:
         "png" if image == "tiff" else image,
         color.bits,
         output,
+        standing(output.up, output.unit, cameras),
     )
     _check_bits(plan, textured)
     if textured and image == "ktx2":
@@ -110,7 +118,7 @@ def write_vertices(
         write_ply(folder / PLY, source.source_vertices, source.source_faces, rgb, units)
     if "glb" in plan.models:
         model = ColoredMesh(source.mesh.vertices, source.mesh.faces, colors.rgb, normals)
-        write_colored_glb(folder / GLB, model, plan.options.unlit)
+        write_colored_glb(folder / GLB, model, plan.options.unlit, plan.standing)
     return tuple(f"{STEM}.{kind}" for kind in plan.models)
 
 
@@ -147,7 +155,7 @@ def _write_glb(
     if plan.glb_image == "ktx2":
         model = padded(model, KTX2_SIZE)
     images = obj_images if shared else _glb_images(folder, model, plan)
-    write_glb(folder / GLB, model, images, plan.glb_image, plan.options.unlit)
+    write_glb(folder / GLB, model, images, plan.glb_image, plan.options.unlit, plan.standing)
     for image in () if shared else images:
         image.unlink()
 

@@ -11,7 +11,7 @@ from texproj.formats.models.images import (
 )
 from texproj.formats.models.obj import write_obj
 from texproj.formats.models.ply import write_ply
-from texproj.formats.models.read import read_model
+from texproj.formats.models.read import read_model, scan_from_node
 
 __all__ = [
     "GlbImage",
@@ -20,6 +20,7 @@ __all__ = [
     "page_files",
     "read_model",
     "require_basisu",
+    "scan_from_node",
     "to_8_bit",
     "write_colored_glb",
     "write_glb",

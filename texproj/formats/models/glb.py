@@ -13,12 +13,16 @@ from texproj.formats.models.binary import Document
 from texproj.formats.models.precision import single_is_enough
 from texproj.mesh import ColoredMesh, TexturedMesh
 from texproj.photo import linear_from_srgb
+from texproj.standing import Standing
 
 GlbImage = Literal["png", "jpeg", "webp", "ktx2"]
 """What viewers read: png and jpeg by the standard itself, the others by an extension."""
 
 IMAGE_EXTENSIONS = {"webp": "EXT_texture_webp", "ktx2": "KHR_texture_basisu"}
 UNLIT = "KHR_materials_unlit"
+UPRIGHT = "upright"
+"""Name of the node above all others that turns and scales the scan, where it does not stand as glTF
+has it: below it everything is in the scan's frame."""
 
 LINEAR, LINEAR_MIPMAP_LINEAR, CLAMP_TO_EDGE = 9729, 9987, 33071
 
@@ -29,10 +33,12 @@ def write_glb(
     images: Sequence[Path],
     image_format: GlbImage = "png",
     unlit: bool = True,
+    standing: Standing | None = None,
 ) -> None:
     """Write one node with a primitive, a material and an image per page of the texture.
 
-    Axes stay those of the mesh file. Positions are float32; where that is not enough they count
+    Positions stay those of the mesh file; a node above (`UPRIGHT`) makes it stand as `standing`
+    says. They are float32; where that is not enough they count
     from the middle of the model and the node is moved there. `unlit` shows the colors as they
     were photographed (KHR_materials_unlit), viewers without it light them. images: the files of
     the pages, 8 bits as the standard has it for colors; webp and ktx2 are marked as required,
@@ -46,14 +52,16 @@ def write_glb(
     materials = [_material(i, unlit) for i in range(len(images))]
     if (model.page_of_face < 0).any():
         materials.append(_material(None, unlit))
-    content = _content(path.stem, primitives, materials, offset)
+    content = _content(path.stem, primitives, materials, offset, standing)
     if images:
         content |= _textures([document.view(image) for image in images], image_format)
     _declare(content, unlit, IMAGE_EXTENSIONS.get(image_format) if images else None)
     document.write(path, content)
 
 
-def write_colored_glb(path: Path, model: ColoredMesh, unlit: bool = True) -> None:
+def write_colored_glb(
+    path: Path, model: ColoredMesh, unlit: bool = True, standing: Standing | None = None
+) -> None:
     """The same with a color per vertex (COLOR_0): linear light as the standard has it, in float32,
     since programs misread 16-bit integers. The vertices stay in their order. Raises OSError.
     """
@@ -67,7 +75,7 @@ def write_colored_glb(path: Path, model: ColoredMesh, unlit: bool = True) -> Non
     primitive = {"attributes": attributes, "indices": indices, "material": 0}
     material = _material(None, unlit) | {"name": "vertex colors"}
     material["pbrMetallicRoughness"]["baseColorFactor"] = [1, 1, 1, 1]
-    content = _content(path.stem, [primitive], [material], offset)
+    content = _content(path.stem, [primitive], [material], offset, standing)
     _declare(content, unlit, None)
     document.write(path, content)
 
@@ -84,15 +92,20 @@ def _content(
     primitives: list[dict[str, Any]],
     materials: list[dict[str, Any]],
     offset: NDArray[np.float64],
+    standing: Standing | None,
 ) -> dict[str, Any]:
     node: dict[str, Any] = {"mesh": 0, "name": name}
     if offset.any():
         node["translation"] = offset.tolist()
+    nodes = [node]
+    if standing is not None and not standing.as_is:
+        turn = {"rotation": list(standing.rotation), "scale": [standing.metres] * 3}
+        nodes = [{"name": UPRIGHT, "children": [1], **turn}, node]
     return {
         "asset": {"version": "2.0", "generator": "texproj"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
-        "nodes": [node],
+        "nodes": nodes,
         "meshes": [{"primitives": primitives}],
         "materials": materials,
     }

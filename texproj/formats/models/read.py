@@ -1,4 +1,6 @@
-"""Reading back the colored models that this package writes, to look at them."""
+"""Reading back the colored models that this package writes, to look at them, in the frame of the
+scan.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +12,7 @@ from numpy.typing import NDArray
 
 from texproj.errors import InputError
 from texproj.formats.foreign import Broken, foreign_parser
+from texproj.formats.models.glb import UPRIGHT
 from texproj.mesh import ColoredMesh, TexturedMesh
 from texproj.photo import srgb_from_linear
 
@@ -47,12 +50,22 @@ def _read(path: Path) -> TexturedMesh | ColoredMesh:
     return _textured(parts)
 
 
+def scan_from_node(scene: Any, node: str) -> NDArray[np.float64]:
+    """(4, 4) of a node of a trimesh scene: to the scan's frame, without the turn and scale by which
+    a glb stands upright.
+    """
+    transform = np.asarray(scene.graph[node][0], np.float64)
+    if UPRIGHT not in scene.graph.nodes:
+        return transform
+    upright = np.asarray(scene.graph[UPRIGHT][0], np.float64)
+    return np.asarray(np.linalg.solve(upright, transform), np.float64)
+
+
 class _Part:
-    """One primitive of a glb, or one material of an obj, in world coordinates."""
+    """One primitive of a glb, or one material of an obj, in the scan's frame."""
 
     def __init__(self, scene: Any, node: str) -> None:
-        transform, name = scene.graph[node]
-        geometry = scene.geometry[name]
+        transform, geometry = scan_from_node(scene, node), scene.geometry[scene.graph[node][1]]
         self.vertices = np.asarray(geometry.vertices, np.float64) @ transform[:3, :3].T
         self.vertices += transform[:3, 3]
         self.faces = np.asarray(geometry.faces, np.int32)

@@ -82,6 +82,7 @@ export class Surface {
     this.textured = new THREE.Group();
     this.textured.position.copy(this.center).negate();
     this.textured.add(loaded.scene);
+    inScanFrame(loaded.scene);
     loaded.scene.traverse((node) => {
       if (node instanceof THREE.Mesh) node.material = this.modelMaterial(node);
     });
@@ -163,6 +164,13 @@ export class Surface {
     }
     this.light!.geometry.setAttribute(name, new THREE.BufferAttribute(out, size, size === 4));
   }
+}
+
+/** Undo the turn and scale by which a glb stands upright: here it stands in the scan's frame. */
+function inScanFrame(scene: THREE.Object3D): void {
+  const upright = scene.getObjectByName("upright");
+  upright?.quaternion.identity();
+  upright?.scale.setScalar(1);
 }
 
 const RAMP_TEXTURE = rampTexture(RAMP);
