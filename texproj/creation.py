@@ -10,8 +10,9 @@ from pathlib import Path
 from texproj.errors import InputError, OutputError, TexprojError, UsageError
 from texproj.files import link_or_copy, write_atomically
 from texproj.formats.meshes import MESH_SUFFIXES, read_mesh
-from texproj.formats.photos import PHOTO_SUFFIXES, read_photo, read_photo_info
-from texproj.intake import find_photos, shown, unusable_name
+from texproj.formats.photos import PHOTO_SUFFIXES, RAW_SUFFIXES, SAID, read_photo, read_photo_info
+from texproj.intake import find_photos, one_per_shot, shown, unusable_name
+from texproj.options import DevelopOptions
 from texproj.project import SETTINGS_FILE, Project, refuse_same_stems
 from texproj.repair import repair
 
@@ -85,7 +86,10 @@ def _photo_sources(photos: Sequence[Path], tell: Tell) -> list[Path]:
             sources[path.name] = path
     if not sources:
         raise UsageError("give at least one photo, or a folder of photos")
-    refuse_same_stems(sources.values())
+    kept = one_per_shot(sources, RAW_SUFFIXES, DevelopOptions().pair)
+    for note in kept.notes:
+        tell(note)
+    refuse_same_stems(kept.paths.values())
     return list(sources.values())
 
 
@@ -93,17 +97,16 @@ def _given(place: Path, tell: Tell) -> list[Path]:
     """The photos at a place that was named: one file, or those of a folder."""
     if not place.exists():
         raise InputError(f"no photo or folder at {place}")
-    kinds = ", ".join(s[1:] for s in PHOTO_SUFFIXES)
     if place.is_dir():
         found = _photos_in(place, tell)
         if not found:
-            raise InputError(f"no photos in {place} ({kinds})")
+            raise InputError(f"no photos in {place} ({SAID})")
         return found
     why = unusable_name(place.name)
     if why:
         raise InputError(f"{shown(place)}: {why}; rename it")
     if place.suffix.lower() not in PHOTO_SUFFIXES:
-        raise InputError(f"{place} is not a photo that texproj reads ({kinds})")
+        raise InputError(f"{place} is not a photo that texproj reads ({SAID})")
     return [place]
 
 

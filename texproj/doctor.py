@@ -20,6 +20,9 @@ GL_LIBRARIES = {"libEGL.so.1": "libegl1", "libGL.so.1": "libgl1", "libOpenGL.so.
 LAST_WHEELS = {"xatlas": (3, 13)}
 """Dependencies that come as source for newer Pythons than this, and need a compiler there."""
 
+OPTIONAL = {"pillow-heif": "HEIC photos"}
+"""Packages that only some people need, and what for."""
+
 COMPILER = "apt-get install --no-install-recommends g++ python3-dev"
 
 
@@ -36,7 +39,7 @@ class Finding:
 def examine() -> list[Finding]:
     """Look at the machine: system, renderers, system libraries, packages."""
     system = f"Python {platform.python_version()} on {platform.platform()}, {os.cpu_count()} cores"
-    return [Finding("system", True, system), *_libraries(), *_renderers(), *_packages()]
+    return [Finding("system", True, system), *_libraries(), *_renderers(), *_packages(), *_extras()]
 
 
 def missing_package(name: str, python: tuple[int, int] = sys.version_info[:2]) -> Finding:
@@ -75,6 +78,18 @@ def _renderers() -> list[Finding]:
                 findings.append(Finding(f"renderer {kind}", True, renderer.name))
         except RenderError as error:
             findings.append(Finding(f"renderer {kind}", False, str(error)))
+    return findings
+
+
+def _extras() -> list[Finding]:
+    """Packages of the extras: that one is absent is no fault."""
+    findings = []
+    for name, purpose in OPTIONAL.items():
+        try:
+            findings.append(Finding(name, True, f"{version(name)} ({purpose})"))
+        except PackageNotFoundError:
+            told = f"not installed, needed only for {purpose}: pip install {name}"
+            findings.append(Finding(name, True, told))
     return findings
 
 

@@ -9,6 +9,7 @@ import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 from texproj.errors import InputError, nearest_name
 
@@ -16,16 +17,13 @@ MASK_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 MASK_ENDINGS = ("_mask", ".mask", "-mask")
 """What programs append to a photo's name to name its mask."""
 
-TO_DEVELOP = {
-    **dict.fromkeys(
-        (".cr2", ".cr3", ".nef", ".arw", ".dng", ".raf", ".orf", ".rw2", ".pef", ".srw", ".3fr"),
-        "RAW",
-    ),
-    **dict.fromkeys((".heic", ".heif", ".avif"), "HEIC"),
+NOT_READ = {
     **dict.fromkeys((".mp4", ".mov", ".avi", ".mts", ".m4v"), "video"),
-    **dict.fromkeys((".webp", ".bmp", ".gif", ".exr", ".jp2"), "other image"),
+    **dict.fromkeys((".webp", ".bmp", ".gif", ".jp2", ".jxl"), "other image"),
 }
 """Pictures that are not read, by the ending of their names."""
+
+JPEG_SUFFIXES = (".jpg", ".jpeg")
 
 MOST_NAMED = 5
 """Files that one sentence names."""
@@ -74,17 +72,45 @@ def find_photos(folder: Path, suffixes: Sequence[str]) -> Found:
                 notes.append(f"{shown(path)} is passed over: {why}; rename it")
             else:
                 paths[path.name] = path
-        elif path.suffix.lower() in TO_DEVELOP:
+        elif path.suffix.lower() in NOT_READ:
             passed.append(path)
-    return Found(paths, (*notes, *_to_develop(folder, passed)))
+    return Found(paths, (*notes, *_not_read(folder, passed)))
 
 
-def _to_develop(folder: Path, passed: Sequence[Path]) -> list[str]:
+def _not_read(folder: Path, passed: Sequence[Path]) -> list[str]:
     if not passed:
         return []
-    kinds = sorted({TO_DEVELOP[path.suffix.lower()] for path in passed})
+    kinds = sorted({NOT_READ[path.suffix.lower()] for path in passed})
     what = f"{len(passed)} file{'s' if len(passed) > 1 else ''} skipped in {shown(folder)}"
     return [f"{what}: {_named(passed)} ({', '.join(kinds)}: save as jpg, png or tif first)"]
+
+
+def one_per_shot(
+    paths: Mapping[str, Path], raw_suffixes: Sequence[str], prefer: Literal["raw", "jpeg"]
+) -> Found:
+    """The photos, of shots that are there as RAW and as JPEG only the preferred one, and a note."""
+    stems: dict[str, list[str]] = {}
+    for name in paths:
+        stems.setdefault(plain(Path(name).stem), []).append(name)
+    passed: list[Path] = []
+    for names in stems.values():
+        raws = [name for name in names if Path(name).suffix.lower() in raw_suffixes]
+        jpegs = [name for name in names if Path(name).suffix.lower() in JPEG_SUFFIXES]
+        if len(raws) == len(jpegs) == 1 and paths[raws[0]].parent == paths[jpegs[0]].parent:
+            passed.append(paths[jpegs[0] if prefer == "raw" else raws[0]])
+    kept = {name: path for name, path in paths.items() if path not in passed}
+    return Found(kept, tuple(_other_half(passed, prefer)))
+
+
+def _other_half(passed: Sequence[Path], prefer: str) -> list[str]:
+    if not passed:
+        return []
+    shots = f"{len(passed)} shot{'s are' if len(passed) > 1 else ' is'}"
+    taken, other = ("RAW", "jpeg") if prefer == "raw" else ("JPEG", "raw")
+    return [
+        f"{shots} there as RAW and as JPEG: the {taken} is used, not {_named(passed)}"
+        f' ([develop] pair = "{other}" takes these)'
+    ]
 
 
 def _named(paths: Sequence[Path]) -> str:

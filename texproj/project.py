@@ -25,9 +25,24 @@ from texproj.files import (
 from texproj.formats.cameras import CameraFile, cameras_json, read_cameras
 from texproj.formats.correspondences import correspondences_csv, read_correspondences
 from texproj.formats.meshes import MESH_SUFFIXES, read_mesh_file
-from texproj.formats.photos import PHOTO_SUFFIXES, read_photo, read_photo_info
-from texproj.intake import Found, find_masks, find_photos, find_picks, one_of
+from texproj.formats.photos import (
+    PHOTO_SUFFIXES,
+    RAW_SUFFIXES,
+    SAID,
+    read_photo,
+    read_photo_info,
+    read_thumbnail,
+)
+from texproj.intake import (
+    Found,
+    find_masks,
+    find_photos,
+    find_picks,
+    one_of,
+    one_per_shot,
+)
 from texproj.mesh import MeshSource
+from texproj.options import DevelopOptions
 from texproj.photo import Correspondences, Photo, PhotoInfo
 from texproj.records import CameraRecord
 from texproj.repair import repair
@@ -35,6 +50,7 @@ from texproj.settings import Settings, read_settings
 
 SETTINGS_FILE = "project.toml"
 CAMERAS_FILE = "cameras.json"
+AS_USUAL = DevelopOptions()
 UNREADABLE = "cannot be read"
 """In place of the hash of a file that may not be read."""
 
@@ -105,15 +121,21 @@ class Project:
         """
         found = self._photos
         if not found.paths:
-            kinds = ", ".join(s[1:] for s in PHOTO_SUFFIXES)
             said = "".join(f" ({note})" for note in found.notes)
-            raise InputError(f"no photos in {self.photos}; put some there ({kinds}){said}")
-        left_out = self._excluded(found.paths)
-        taken = {name: path for name, path in found.paths.items() if name not in left_out}
+            raise InputError(f"no photos in {self.photos}; put some there ({SAID}){said}")
+        taken = self._taken.paths
         if not taken:
             raise InputError(f"`exclude` in {self.root / SETTINGS_FILE} leaves out every photo")
         refuse_same_stems(taken.values())
-        return taken
+        return dict(taken)
+
+    @cached_property
+    def _taken(self) -> Found:
+        """The photos less those that the settings leave out, one of each shot."""
+        found = self._photos
+        left_out = self._excluded(found.paths)
+        taken = {name: path for name, path in found.paths.items() if name not in left_out}
+        return one_per_shot(taken, RAW_SUFFIXES, self.settings.develop.pair)
 
     def _excluded(self, present: Collection[str]) -> set[str]:
         """The photos that the settings leave out. Raises UsageError for one that is not there."""
@@ -145,7 +167,7 @@ class Project:
     @property
     def notes(self) -> tuple[str, ...]:
         """A sentence for each file that a person put here and that nothing uses."""
-        return (*self._photos.notes, *self._masks.notes, *self._picks.notes)
+        return (*self._photos.notes, *self._taken.notes, *self._masks.notes, *self._picks.notes)
 
     @property
     def photo_names(self) -> list[str]:
@@ -178,7 +200,16 @@ class Project:
         path = self.photo_path(name)
         largest_mp = self.settings.largest_photo_mp
         info = read_photo_info(path, largest_mp)
-        return read_photo(path, info, self.mask_path(name), longest, largest_mp)
+        develop = self.settings.develop
+        return read_photo(path, info, self.mask_path(name), longest, largest_mp, develop)
+
+    def load_thumbnail(self, name: str, longest: int) -> Photo:
+        """A small picture of the photo for lists: of a RAW file the camera's own if it has one."""
+        path = self.photo_path(name)
+        found = None
+        if path.suffix.lower() in RAW_SUFFIXES:
+            found = read_thumbnail(path, self.photo_info(name), longest)
+        return self.load_photo(name, longest) if found is None else found
 
     def mask_path(self, name: str) -> Path | None:
         """The stencil of photo `name`, None if it has none. Raises InputError where it has two."""
@@ -327,7 +358,20 @@ class Project:
                 self._hashes[str(path)] = known = [stamp, file_hash(path)]
             except OSError:
                 return UNREADABLE
-        return str(known[1])
+        return str(known[1]) + self._reading(path)
+
+    def _reading(self, path: Path) -> str:
+        """What the settings make of a photo that is no finished picture; empty where they leave it
+        as usual.
+        """
+        told = self.settings.develop
+        by_kind = {
+            **dict.fromkeys(RAW_SUFFIXES, told.white_balance),
+            **dict.fromkeys((".tif", ".tiff"), told.float_light),
+        }
+        how = by_kind.get(path.suffix.lower())
+        usual = how in (None, AS_USUAL.white_balance, AS_USUAL.float_light)
+        return "" if usual or path.parent != self.photos else f" {how}"
 
     @cached_property
     def _hashes(self) -> dict[str, list[Any]]:

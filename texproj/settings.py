@@ -9,6 +9,7 @@ from typing import Any, get_type_hints
 from texproj.errors import InputError, UsageError, excerpt, nearest_name
 from texproj.options import (
     ColorOptions,
+    DevelopOptions,
     MutualInformationOptions,
     OutputOptions,
     PatchOptions,
@@ -45,6 +46,7 @@ class Settings:
     photos: str = DEFAULT_PHOTOS
     exclude: tuple[str, ...] = ()
     largest_photo_mp: float = LARGEST_PHOTO_MP
+    develop: DevelopOptions = field(default_factory=DevelopOptions)
     render: RenderOptions = field(default_factory=RenderOptions)
     register: RegisterOptions = field(default_factory=RegisterOptions)
     points: PointsOptions = field(default_factory=PointsOptions)

@@ -2,16 +2,21 @@
 
 import io
 import struct
+import tempfile
 from functools import cache
+from pathlib import Path
 
 import imagecodecs
 import numpy as np
+import OpenEXR
+import pillow_heif
 import pytest
 import tifffile
 from fuzzing import broken_bytes, refused_or_read
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
+from raw_files import write_dng
 
 from texproj.errors import InputError
 from texproj.formats.photos import read_photo, read_photo_info
@@ -31,6 +36,19 @@ def saved(kind, mode="RGB", **options):
     file = io.BytesIO()
     Image.fromarray(PIXELS).convert(mode).save(file, kind, **options)
     return file.getvalue()
+
+
+def of_cameras():
+    """RAW, HEIC, AVIF and OpenEXR."""
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder)
+        write_dng(place / "a.dng", FLOATS.astype(float), margin=4)
+        OpenEXR.File({"type": OpenEXR.scanlineimage}, {"RGB": FLOATS}).write(f"{place}/a.exr")
+        dng, exr = (place / "a.dng").read_bytes(), (place / "a.exr").read_bytes()
+    heic = io.BytesIO()
+    pillow_heif.from_bytes("RGB", (32, 24), PIXELS.tobytes()).save(heic)
+    deep = PIXELS.astype(np.uint16) * 4
+    return dng, exr, heic.getvalue(), saved("AVIF"), imagecodecs.avif_encode(deep, bitspersample=10)
 
 
 @cache
@@ -53,6 +71,7 @@ def sound():
         tiff(PIXELS.astype(np.uint16) * 257, photometric="rgb", compression="zlib"),
         tiff(FLOATS, photometric="rgb", tile=(16, 16)),
         tiff(PIXELS[..., 0], photometric="miniswhite", bigtiff=True),
+        *of_cameras(),
     )
 
 

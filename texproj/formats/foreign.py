@@ -28,11 +28,12 @@ def foreign_parser() -> Iterator[None]:
 
     Pillow, tifffile, trimesh, plyfile and OpenCV document none of the exceptions of ten kinds
     that they throw on spoiled files, so all are caught, here and nowhere else, and logged with
-    their traceback. Out of memory is not among them: that is no fault of the file's.
+    their traceback. Out of memory and a package that is not installed are not
+    among them: those are no faults of the file's.
     """
     try:
         yield
-    except (TexprojError, MemoryError, Broken):
+    except (TexprojError, MemoryError, Broken, ModuleNotFoundError):
         raise
     except Exception as error:
         if getattr(error, "code", None) == _OUT_OF_MEMORY:

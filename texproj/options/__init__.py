@@ -6,6 +6,7 @@ which overrides the default here.
 
 from texproj.options.base import is_expert, options_from
 from texproj.options.color import ColorOptions, OutputOptions, PatchOptions, UnwrapOptions
+from texproj.options.develop import DevelopOptions
 from texproj.options.register import (
     MapName,
     MutualInformationOptions,
@@ -20,6 +21,7 @@ from texproj.options.tools import DemoOptions, PreviewOptions, RenderOptions
 __all__ = [
     "ColorOptions",
     "DemoOptions",
+    "DevelopOptions",
     "MapName",
     "MutualInformationOptions",
     "OutputOptions",

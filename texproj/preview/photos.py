@@ -97,6 +97,8 @@ def start_advice(picks: int) -> str:
     return "Check the picks: spread them over the whole photo, then solve."
 
 
+THUMBNAIL_PX = 240
+"""Size of the pictures in lists."""
 BROKEN_ADVICE = "Replace the file with an intact one, or take it out of the photo folder."
 
 
@@ -117,7 +119,8 @@ class Pictures:
             if known is not None:
                 self._kept[key] = known
                 return known
-        data = encode_jpeg(project.load_photo(name, size))
+        load = project.load_thumbnail if size <= THUMBNAIL_PX else project.load_photo
+        data = encode_jpeg(load(name, size))
         with self._lock:
             self._keep(key, data)
         return data

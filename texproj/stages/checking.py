@@ -33,5 +33,6 @@ def checker_of(project: Project) -> Checker | None:
 
     own = [name for name, photo in project.photo_paths.items() if photo.samefile(path)]
     largest_mp = project.settings.largest_photo_mp
-    photo = read_photo(path, read_photo_info(path, largest_mp), largest_mp=largest_mp)
+    info, develop = read_photo_info(path, largest_mp), project.settings.develop
+    photo = read_photo(path, info, largest_mp=largest_mp, develop=develop)
     return read_checker(photo, own[0] if own else None)

@@ -1,8 +1,10 @@
-"""Pixels as stored: jpg, png and tiff of any depth to arrays, nothing converted."""
+"""Pixels as stored: photos of any kind and depth to arrays; of RAW files, developed ones."""
 
 from __future__ import annotations
 
 import io
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import cv2
@@ -10,26 +12,38 @@ import numpy as np
 
 from texproj.errors import InputError
 from texproj.formats.foreign import Broken, foreign_parser
-from texproj.formats.photos.header import Header, quiet
+from texproj.formats.photos.exif import quiet
+from texproj.formats.photos.exr import exr_raster
+from texproj.formats.photos.header import Header
+from texproj.formats.photos.heif import avif_raster, heic_raster
 from texproj.formats.photos.raster import Raster, Values
+from texproj.formats.photos.raw import raw_raster
 from texproj.formats.photos.tiff import tiff_raster
+from texproj.options import DevelopOptions
 
 START_OF_SCAN, END_OF_IMAGE = 0xDA, b"\xff\xd9"
 
 
-def decode(path: Path, data: bytes, header: Header, longest: int | None, what: str) -> Raster:
-    """All pixels of a photo; a JPEG is decoded at 1/2, 1/4 or 1/8 where `longest` allows.
+@dataclass(frozen=True)
+class Wish:
+    """How a photo is wanted. longest: pixels of its longer side that are enough, None = all."""
+
+    longest: int | None = None
+    develop: DevelopOptions = field(default_factory=DevelopOptions)
+
+
+def decode(path: Path, data: bytes, header: Header, wish: Wish, what: str) -> Raster:
+    """All pixels of a photo; JPEG and RAW are decoded reduced where the wish allows.
 
     Raises InputError for damaged files, of what kind (photo, mask) says `what`.
     """
-    decoders = {"JPEG": _jpeg, "PNG": _png, "TIFF": _tiff}
     try:
         with foreign_parser():
-            raster = decoders[header.kind](data, header, longest)
+            raster = DECODERS[header.kind](data, header, wish)
     except Broken as error:
         raise InputError(f"{path}: the {what} is damaged ({error}); copy it again") from None
     shape = raster.values.shape[1::-1]
-    if shape != (header.width, header.height) and header.kind != "JPEG":
+    if shape != (header.width, header.height) and header.kind not in ("JPEG", "RAW"):
         raise InputError(
             f"{path}: the {what} is damaged (its header tells {header.width} x {header.height}"
             f" pixels, there are {shape[0]} x {shape[1]}); copy it again"
@@ -37,12 +51,12 @@ def decode(path: Path, data: bytes, header: Header, longest: int | None, what: s
     return raster
 
 
-def _jpeg(data: bytes, header: Header, longest: int | None) -> Raster:
+def _jpeg(data: bytes, header: Header, wish: Wish) -> Raster:
     if header.channels == 4:
         return _cmyk_jpeg(data)
     if not _ends(data):
         raise Broken("its data end early")
-    factor = reduction(header, longest)
+    factor = reduction(header, wish.longest)
     pixels = _whole_jpeg(data) if factor == 1 else _reduced_jpeg(data, factor)
     return Raster(pixels[..., :1] if header.channels == 1 else pixels)
 
@@ -97,7 +111,7 @@ def _cmyk_jpeg(data: bytes) -> Raster:
         return Raster(np.array(Image.open(io.BytesIO(data))))
 
 
-def _png(data: bytes, header: Header, longest: int | None) -> Raster:
+def _png(data: bytes, header: Header, wish: Wish) -> Raster:
     import imagecodecs  # noqa: PLC0415
 
     pixels = np.atleast_3d(imagecodecs.png_decode(data))
@@ -107,5 +121,13 @@ def _png(data: bytes, header: Header, longest: int | None) -> Raster:
     return Raster(pixels)
 
 
-def _tiff(data: bytes, header: Header, longest: int | None) -> Raster:
-    return tiff_raster(io.BytesIO(data))
+DECODERS: dict[str, Callable[[bytes, Header, Wish], Raster]] = {
+    "JPEG": _jpeg,
+    "PNG": _png,
+    "TIFF": lambda data, header, wish: tiff_raster(io.BytesIO(data)),
+    "RAW": lambda data, header, wish: raw_raster(data, wish.longest, wish.develop),
+    "HEIC": lambda data, header, wish: heic_raster(data),
+    "AVIF": lambda data, header, wish: avif_raster(data),
+    "OpenEXR": lambda data, header, wish: exr_raster(data),
+}
+"""By the kind of the file."""

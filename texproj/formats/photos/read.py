@@ -13,16 +13,19 @@ from numpy.typing import NDArray
 
 from texproj.errors import InputError
 from texproj.formats.documents import read_bytes
-from texproj.formats.photos.decode import decode
+from texproj.formats.photos.decode import Wish, decode
 from texproj.formats.photos.header import Header, header_of
 from texproj.formats.photos.icc import is_srgb, linear_from_profile
 from texproj.formats.photos.raster import Raster, Values
+from texproj.options import DevelopOptions
 from texproj.photo import LARGEST_PHOTO_MP, Photo, PhotoInfo, linear_from_srgb
 
 Mask = NDArray[np.uint8]
 
 MOST_BYTES_PER_PIXEL = 64
 """Of a file: four channels of double precision, and as much beside them."""
+
+AS_USUAL = DevelopOptions()
 
 BRIGHTEST = 1e6
 """Linear light beyond this is no measurement; half floats end at 65504."""
@@ -34,6 +37,7 @@ def read_photo(
     mask: Path | None = None,
     longest: int | None = None,
     largest_mp: float = LARGEST_PHOTO_MP,
+    develop: DevelopOptions = AS_USUAL,
 ) -> Photo:
     """Decode a photo, upright, at most `longest` pixels wide and high.
 
@@ -45,10 +49,11 @@ def read_photo(
     """
     data = read_bytes(path, _most_bytes(largest_mp))
     header = header_of(path, io.BytesIO(data), largest_mp)
-    raster = decode(path, data, header, longest, "photo")
+    raster = decode(path, data, header, Wish(longest, develop), "photo")
     del data
     size = _target_size(*header.upright_size, longest)
-    upright = _upright(_pixels(raster, header.profile), header)
+    encoded = header.kind == "TIFF" and develop.float_light == "srgb"
+    upright = _upright(_pixels(raster, header.profile, encoded), header)
     pixels, finite = _finite(_rgb(_sized(upright, size)))
     if finite is not None and not finite.any():
         raise InputError(f"{path}: no pixel of it is a finite number; export it again")
@@ -79,8 +84,12 @@ def _rgb(pixels: Any) -> Any:
     return pixels if pixels.ndim == 3 else np.repeat(pixels[..., None], 3, axis=2)
 
 
-def _pixels(raster: Raster, profile: bytes) -> NDArray[np.uint8] | NDArray[np.float32]:
-    """(h, w, 3) or, for gray, (h, w) uint8 sRGB or float32 linear."""
+def _pixels(
+    raster: Raster, profile: bytes, encoded: bool
+) -> NDArray[np.uint8] | NDArray[np.float32]:
+    """(h, w, 3) or, for gray, (h, w) uint8 sRGB or float32 linear. encoded: whether floating point
+    without a profile is in sRGB encoding.
+    """
     values = raster.values
     if profile and not is_srgb(profile):
         return linear_from_profile(values, profile)
@@ -91,7 +100,7 @@ def _pixels(raster: Raster, profile: bytes) -> NDArray[np.uint8] | NDArray[np.fl
         return np.ascontiguousarray(values)
     if values.dtype == np.uint16:
         return np.take(_linear_of_srgb16(), values)
-    if not profile:
+    if not (profile or encoded):
         return np.ascontiguousarray(values)
     with np.errstate(over="ignore", invalid="ignore"):  # `_finite` takes what is no number
         return linear_from_srgb(np.maximum(values, 0))
@@ -158,7 +167,7 @@ def _read_mask(path: Path, info: PhotoInfo, photo: Header, largest_mp: float) ->
             f"{path}: the mask is {width} x {height}, but the upright photo {info.name}"
             f" is {info.width} x {info.height}; give it the same shape"
         )
-    mask = _mask_of_image(decode(path, data, header, None, "mask"))
+    mask = _mask_of_image(decode(path, data, header, Wish(), "mask"))
     return _upright(mask, photo) if lies else mask
 
 

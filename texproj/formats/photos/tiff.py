@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.formats.foreign import Broken
-from texproj.formats.photos.raster import Raster, Values
+from texproj.formats.photos.raster import Raster, Tags, Values
 
-Tags = dict[int, Any]
 Page = Any
 """tifffile's TiffPage."""
 

@@ -1,0 +1,23 @@
+"""How photos that are no finished pictures are developed."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic.dataclasses import dataclass
+
+from texproj.options.base import STRICT
+
+
+@dataclass(frozen=True, config=STRICT)
+class DevelopOptions:
+    """How RAW files and floating-point pictures are read."""
+
+    white_balance: Literal["camera", "daylight"] = "camera"
+    """White balance of RAW files: as each shot's camera set it, or daylight, the same for all."""
+
+    pair: Literal["raw", "jpeg"] = "raw"
+    """Which file is the photo where a shot is there as RAW and as JPEG."""
+
+    float_light: Literal["linear", "srgb"] = "linear"
+    """What floating-point TIFF files without a color profile hold: linear light, or sRGB values."""
