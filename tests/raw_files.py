@@ -18,7 +18,7 @@ def mosaicked(rgb):
     return cfa
 
 
-def write_dng(
+def write_dng(  # noqa: PLR0913 - a file of a camera tells this much
     path, rgb, neutral=(1, 1, 1), *, orientation=1,
     margin=0, noise=0.0, preview=b"", sensor=CAMERA_FROM_XYZ,
 ):  # fmt: skip

@@ -43,7 +43,8 @@ def partners(project: Project, name: str) -> tuple[str, ...]:
 def load_graph(project: Project) -> PhotoGraph:
     """What was matched between the photos, as far as they are still the same."""
     told, same = _kept(project, SHARED)
-    pairs = told.get("pairs") if isinstance(told.get("pairs"), list) else []
+    pairs = told.get("pairs")
+    pairs = pairs if isinstance(pairs, list) else []
     found = {(str(a), str(b)): int(n) for a, b, n in pairs if a in same and b in same}
     return PhotoGraph(found, frozenset(same))
 
@@ -61,7 +62,8 @@ def companions(project: Project) -> dict[str, tuple[str, ...]]:
     best first. Reads what is kept and computes nothing.
     """
     told, same = _kept(project, ALIKE)
-    alike = told.get("alike") if isinstance(told.get("alike"), dict) else {}
+    alike = told.get("alike")
+    alike = alike if isinstance(alike, dict) else {}
     found = {
         name: tuple(other for other in alike.get(name, ()) if other in same)
         for name in project.photo_names if name in same
