@@ -67,6 +67,9 @@ class Place:
         self.picks = [{"name": str(i), "uv": a, "xyz": b} for i, (a, b) in rows]
         self.camera = camera_facts(views[0])
         self.point = {"camera": self.camera, "xyz": xyz[0].tolist()}
+        rows = [f"{a},{b},{x},{y},{z},p{i}" for i, ((a, b), (x, y, z)) in enumerate(zip(
+            uv.tolist(), xyz.tolist(), strict=True))]  # fmt: skip
+        (root / "correspondences/0001.csv").write_text("\n".join(["u,v,x,y,z,name", *rows]))
         self.pixel = {"camera": self.camera, "uv": uv[0].tolist()}
 
     def ask(self, method, path, **more):
@@ -96,7 +99,12 @@ def test_bodies(page, data):
     """Odd values in place of any part of a sound body; JSON that is cut, nested, endless."""
     sound = {
         **BODIES,
-        ("POST", f"/api/photos/{PHOTO}/fit"): {"picks": page.picks},
+        ("POST", f"/api/photos/{PHOTO}/fit"): {"picks": page.picks, "without": ["1"]},
+        ("POST", f"/api/photos/{PHOTO}/proposals"): {
+            "camera": page.camera,
+            "error_px": 2.0,
+            "picks": page.picks[:2],
+        },
         ("POST", f"/api/photos/{PHOTO}/predict"): data.draw(
             st.sampled_from([page.point, page.pixel])
         ),

@@ -33,7 +33,15 @@ from texproj.preview.picking import (
     predict_on_model,
     predict_on_photo,
 )
-from texproj.preview.picks import VersionConflict, load_picks, numbers, parse_picks, save_picks
+from texproj.preview.picks import (
+    VersionConflict,
+    load_picks,
+    numbers,
+    parse_names,
+    parse_picks,
+    save_picks,
+)
+from texproj.preview.proposals import SURE, Guess, proposals
 from texproj.preview.security import BodyTooLong, refuse
 from texproj.preview.session import MODEL_FILES, Session, shown, stamp
 from texproj.stages.attending import INTERNAL
@@ -110,6 +118,7 @@ class Handlers:
             Route(f"{photo}/picks", self.save, methods=["PUT"]),
             Route(f"{photo}/fit", self.fit, methods=["POST"]),
             Route(f"{photo}/predict", self.predict, methods=["POST"]),
+            Route(f"{photo}/proposals", self.propose, methods=["POST"]),
         ]
 
     def page(self, _: Request) -> Response:
@@ -215,8 +224,8 @@ class Handlers:
     async def fit(self, request: Request) -> Response:
         data = await body(request)
         project, name = self.photo_of(request)
-        picks = parse_picks(data.get("picks"))
-        return JSONResponse(await run_in_threadpool(fit_picks, project, name, picks))
+        picks, without = parse_picks(data.get("picks")), parse_names(data.get("without", []))
+        return JSONResponse(await run_in_threadpool(fit_picks, project, name, picks, without))
 
     async def predict(self, request: Request) -> Response:
         data = await body(request)
@@ -227,12 +236,28 @@ class Handlers:
         find = predict_on_model if on_model else predict_on_photo
 
         def run() -> dict[str, Any] | None:
-            key = ["gray", name, project.hash_of(project.photo_path(name))]
-            photo = self.session.kept(key, lambda: project.load_photo(name, MATCH_LONGEST))
-            found = find(surface, photo, camera, given)
+            found = find(surface, self.photo_to_match(project, name), camera, given)
             return found.as_dict() if found else None
 
         return JSONResponse(await run_in_threadpool(run))
+
+    async def propose(self, request: Request) -> Response:
+        data = await body(request)
+        project, name = self.photo_of(request)
+        [error_px] = numbers([data.get("error_px")], 1)
+        guess = Guess(parse_camera(data.get("camera")), SURE * abs(error_px))
+        own = parse_picks(data.get("picks")).xyz_in_world
+        surface = self.session.surface
+
+        def run() -> list[dict[str, Any]]:
+            return proposals(project, surface, self.photo_to_match(project, name), guess, own)
+
+        return JSONResponse(await run_in_threadpool(run))
+
+    def photo_to_match(self, project: Any, name: str) -> Any:
+        """The reduced photo in which matches are sought."""
+        key = ["gray", name, project.hash_of(project.photo_path(name))]
+        return self.session.kept(key, lambda: project.load_photo(name, MATCH_LONGEST))
 
     def photo_of(self, request: Request) -> tuple[Any, str]:
         """The project and the photo that an address names; only photos of the project exist."""

@@ -18,6 +18,7 @@ from texproj.preview.picks import SavedPicks
 from texproj.preview.session import Session, stamp
 from texproj.project import Project
 from texproj.stages.bench import Workbench
+from texproj.stages.methods import AUTO
 from texproj.stages.progress import Cancelled, Progress
 from texproj.stages.registering import register_photos
 
@@ -34,15 +35,28 @@ def start(session: Session, kind: Any, photo: Any) -> Job:
         name = photo if isinstance(photo, str) else ""
         session.project.photo_path(name)
 
-        def solve(bench: Workbench, progress: Progress) -> Any:
-            bench.project = by_points(bench.project)
-            return register_photos(bench, [name], progress)
+        def solve(bench: Workbench, progress: Progress) -> str:
+            return _solve(bench, name, progress)
 
         return session.start(kind, f"Solve {name}", solve, name)[0]
     if not isinstance(kind, str) or kind not in STAGES:
         raise UsageError(f"unknown work {excerpt(kind)} (known: solve, {', '.join(STAGES)})")
     title, stage = STAGES[kind]
     return session.start(kind, title, stage)[0]
+
+
+def _solve(bench: Workbench, name: str, progress: Progress) -> str:
+    """One photo from its picks, and as Register would go on from there. A camera from elsewhere,
+    which that would keep, is sought by the picks first.
+    """
+    before = bench.project.load_cameras().get(name)
+    elsewhere = before is not None and not before.sought and before.status == "registered"
+    for method in ("points", AUTO) if elsewhere else (AUTO,):
+        bench.project = with_method(bench.project, method)
+        [outcome] = register_photos(bench, [name], progress)
+        if not outcome.failed:
+            return f"{name} is registered."
+    return f"{name} is not registered: {outcome.reason.removeprefix(f'{name}: ')}"
 
 
 def _register(bench: Workbench, progress: Progress) -> str:
@@ -77,9 +91,9 @@ STAGES = {
 """Title and function of each stage that works on the whole project."""
 
 
-def by_points(project: Project) -> Project:
-    """The project with the settings that register from picks."""
-    options = replace(project.settings.register, method="points")
+def with_method(project: Project, method: Any) -> Project:
+    """The project with the settings that register by one method."""
+    options = replace(project.settings.register, method=method)
     return project.with_settings(replace(project.settings, register=options))
 
 
