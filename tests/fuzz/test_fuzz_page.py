@@ -91,6 +91,17 @@ BODIES = {
     ("POST", "/api/hit"): {"origin": [0, 0, 5], "direction": [0, 0, -1]},
     ("POST", "/api/jobs"): {"kind": "solve", "photo": PHOTO},
     ("PUT", f"/api/photos/{PHOTO}/picks"): {"picks": PICKS, "base": "none"},
+    ("PUT", f"/api/photos/{PHOTO}/excluded"): {"excluded": False},
+    ("PATCH", "/api/settings"): {
+        "base": "",
+        "changes": [{"table": "color", "key": "bits", "value": 16}],
+    },
+    ("POST", f"/api/photos/{PHOTO}/mask"): {
+        "base": "",
+        "kind": "paint",
+        "radius": 5,
+        "points": [[1, 2], [30, 40]],
+    },
 }
 
 
@@ -109,7 +120,9 @@ def test_bodies(page, data):
             st.sampled_from([page.point, page.pixel])
         ),
     }
-    for (method, path), body in sound.items():
+    for (method, path), told in sound.items():
+        there = page.ask("GET", path).json() if "base" in told else {}
+        body = {**told, "base": there["version"]} if "version" in there else told
         page.ask(method, path, content=data.draw(broken_json([body])), headers=JSON)
 
 
@@ -121,7 +134,8 @@ def test_addresses(page, data):
     for path in (
         f"/{word}", f"/static/{word}", f"/api/mesh/{word}", f"/api/layers/{word}?photo={word}",
         f"/api/models/{word}", f"/api/photos/{word}/image?size={size}", f"/api/photos/{word}/picks",
-        f"/api/layers/weights?photo={size}",
+        f"/api/layers/weights?photo={size}", f"/api/photos/{word}/mask", f"/report/{word}",
+        f"/api/photos/{word}/mask/picture", f"/api/photos/{word}/partners",
     ):  # fmt: skip
         page.ask("GET", path)
     page.ask("DELETE", f"/api/jobs/{word}")

@@ -13,7 +13,13 @@ from starlette.exceptions import HTTPException
 from texproj.color.weights import names
 from texproj.errors import UsageError, excerpt
 from texproj.preview.jobs import Job
-from texproj.preview.layers import factor_layers, occlusion_layer, photo_layers, weights_layer
+from texproj.preview.layers import (
+    factor_layers,
+    mean_layer,
+    occlusion_layer,
+    photo_layers,
+    weights_layer,
+)
 from texproj.preview.picks import SavedPicks
 from texproj.preview.session import Session, stamp
 from texproj.project import Project
@@ -115,6 +121,20 @@ async def layer_values(session: Session, layer: str, photo: str) -> NDArray[np.f
             raise HTTPException(409, "stopped on request") from None
         session.keep(key, made)
     return made[layer] if isinstance(made, dict) else made
+
+
+async def mean_colors(session: Session) -> NDArray[np.uint8]:
+    """(V, 4) the plain mean of the photos on each vertex; made as a job, kept for a while."""
+    key = ["mean", stamp(session.project.cameras_path), session.surface.key]
+    made = session.recall(key)
+    if made is None:
+        try:
+            job = session.start("layer", "Averaging the photos", mean_layer, "mean", looks=True)[1]
+            made = await asyncio.shield(asyncio.wrap_future(job))
+        except Cancelled:
+            raise HTTPException(409, "stopped on request") from None
+        session.keep(key, made)
+    return np.asarray(made)
 
 
 def _layer_job(session: Session, layer: str, photo: str, made_with: tuple[str, ...]) -> Any:
