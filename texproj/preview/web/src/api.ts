@@ -1,6 +1,7 @@
 // What the server knows and does; the only module that makes requests.
 
 import type { Camera, Vec2, Vec3 } from "./lens.ts";
+import type { Axis } from "./upright.ts";
 
 export interface PhotoFacts {
   name: string;
@@ -45,6 +46,8 @@ export interface Facts {
   /** What is made: vertices, texture or patches. */
   to: string;
   report: string | null;
+  /** The axis that a person chose to be up on this page. */
+  up: Axis | null;
   jobs: Job[];
 }
 
@@ -207,6 +210,8 @@ export const predict = (photo: string, camera: Camera, given: { uv: Vec2 } | { x
 export const partners = (photo: string) => json<{ photos: string[] }>(demand(photoPath(photo, "partners")));
 
 export const leaveOut = (photo: string, excluded: boolean) => demand(photoPath(photo, "excluded"), sending("PUT", { excluded }));
+
+export const rememberUp = (axis: string) => demand("/api/up", sending("PUT", { axis }));
 
 export const mask = (photo: string) => json<MaskFacts>(demand(photoPath(photo, "mask")));
 

@@ -279,6 +279,7 @@ export class App implements Host {
             exitPhoto: () => this.exitPhoto(),
             setUp: (axis) => {
               this.home.setUp(axis);
+              void this.edits.rememberUp(axis);
               this.show();
             },
             roll: (degrees) => this.viewport.roll((degrees * Math.PI) / 180),

@@ -25,6 +25,11 @@ export class Edits {
     await this.app.refresh();
   }
 
+  /** Remember in the project which way the model stands on this page. */
+  async rememberUp(axis: string): Promise<void> {
+    await api.rememberUp(axis).catch((error: unknown) => this.app.complain(error));
+  }
+
   /** The photos that show the same as one, as far as it is known. */
   seenAlso(name: string | null): string[] {
     return this.seenIn[name ?? ""] ?? [];
