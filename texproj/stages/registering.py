@@ -43,7 +43,7 @@ from texproj.stages.wave import Evidence, Wave
 Names = tuple[str, ...]
 
 STANDS_APART = (
-    "shows nothing that the registered photos show; leave it out (`exclude`) or pick 4 points"
+    "shows nothing that the registered photos show; leave it out (`exclude`) or pick 8 points"
 )
 
 
