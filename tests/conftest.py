@@ -31,7 +31,13 @@ def demo_folder(tmp_path_factory):
 
     folder = tmp_path_factory.mktemp("demo") / "stele"
     options = DemoOptions(
-        photos=4, starts=True, paint=1, long_side=640, faces=6000, carved_faces=60_000
+        object="stele",
+        photos=4,
+        starts=True,
+        paint=1,
+        long_side=640,
+        faces=6000,
+        carved_faces=60_000,
     )
     write_demo(folder, options)
     return folder
