@@ -53,8 +53,8 @@ SETTLED_PX = 0.05
 ANCHOR_WEIGHT = 2.0
 """For how many independent observations a photo's own registration counts."""
 ASPECT_GAIN = 0.015
-"""Part of the cost that must fall for fy / fx to be solved: most sensors have square pixels, and one
-more number always gains a little."""
+"""Part of the cost that must fall for fy / fx to be solved: most sensors have square pixels, and
+one more number always gains a little."""
 LEAST_SOUGHT = 20
 """Patches sought, or ties, below which nothing is concluded."""
 TIE_CORRELATION = 20.0
