@@ -120,7 +120,7 @@ def _lens(raw: Any, known: tuple[int, int] | None, where: str) -> tuple[Intrinsi
     def value(key: str, default: float = 0.0) -> float:
         return number(raw.get(key, default), f"{where}, {key}")
 
-    kind = raw.get("projection_type", "perspective")
+    kind = str(raw.get("projection_type", "perspective"))
     if "focal" in raw:
         f = (longer * value("focal"),) * 2
     else:
