@@ -86,3 +86,20 @@ def stele(sample, made_once):
         assert main(["run", str(folder)]) == 0
 
     return made_once("sample", make)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Chromium with software WebGL, on the page as its sources are now."""
+    from browsing import chromium
+
+    with chromium() as found:
+        yield found
+
+
+@pytest.fixture(scope="session")
+def page_template(tmp_path_factory):
+    """The project of the page's tests; copy it before you change it."""
+    from browsing import make_page_project
+
+    return make_page_project(tmp_path_factory.mktemp("template") / "blocks")
