@@ -83,11 +83,7 @@ def test_other_ways_to_write_settings(text):
 
 def test_what_cannot_be_is_not_written(project):
     """A value out of bounds, an unknown table."""
-    for change in (
-        Change("color", "bits", 9),
-        Change("colour", "bits", 8),
-        Change("color", "x", 1),
-    ):
+    for table, key, value in (("color", "bits", 9), ("colour", "bits", 8), ("color", "x", 1)):
         with pytest.raises(UsageError):
             change_settings(project, [Change(table, key, value)])
     assert (project.root / "project.toml").read_text() == WRITTEN
