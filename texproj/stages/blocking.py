@@ -60,7 +60,7 @@ def place_together(
         refused: Told = dict.fromkeys(names, str(error))
         return refused | told
     keep_graph(bench.project, motion.graph)
-    told = _of(names, told | motion.left_out)
+    told = _of(names, {**told, **motion.left_out})
     for part in motion.parts:
         if {*part.names} & {*names}:
             told |= _placed(bench, part, anchors, progress)
