@@ -198,6 +198,17 @@ def test_a_glb_that_requires_a_number_is_shown(page):
     assert answer.status_code == 200
 
 
+def test_a_glb_whose_text_is_not_utf_8_is_a_sentence(page):
+    """The seed of a fault of the server: trimesh asks for a package that guesses encodings."""
+    path = page.root / "out/model.glb"
+    path.parent.mkdir(exist_ok=True)
+    path.write_bytes(GLB[:20] + b"\xff\xfe" + GLB[20:-2])
+    answer = page.ask("GET", "/api/colors/light")
+    path.unlink()
+
+    assert answer.status_code == 422
+
+
 def test_a_folder_in_place_of_picks_is_a_sentence(page):
     """Reading and writing name it; the page goes on."""
     folder = page.root / "correspondences/0002.csv"
