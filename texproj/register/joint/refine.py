@@ -8,7 +8,7 @@ mesh's frame.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -87,8 +87,11 @@ def refine(
     load_photo: LoadPhoto,
     render: Render,
     options: RefineOptions | None = None,
+    tell: Callable[[int, int], None] = lambda done, most: None,
 ) -> Refined:
-    """Cameras that agree on the surface. render: gives depth and normals for a camera."""
+    """Cameras that agree on the surface. render: gives depth and normals for a camera; tell: called
+    before each round with those done and the most that there can be.
+    """
     options = options or RefineOptions()
     cameras = tuple(photo.camera for photo in photos)
     points = anchor_points(cameras, render)
@@ -104,14 +107,17 @@ def refine(
     if unconfirmed:
         kept = [k for k in range(len(cameras)) if k not in unconfirmed]
         rest = refine(
-            [photos[k] for k in kept], lambda k, size: load_photo(kept[k], size), render, options
-        )
+            [photos[k] for k in kept], lambda k, size: load_photo(kept[k], size), render, options,
+            tell,
+        )  # fmt: skip
         return _with_unconfirmed(rest, kept, joint.given, unconfirmed)
     confirmed = joint.confirmed(found, options)
     pairs = [(i, j) for i, j in pairs if {i, j} <= confirmed]
     now, fit, rounds = start, None, 0
+    earlier = 0
     for longest, most in _schedule(options):
-        for _ in range(most if pairs else 0):
+        for k in range(most if pairs else 0):
+            tell(earlier + k, MOST_ROUNDS + FINE_ROUNDS)
             before, rounds = now, rounds + 1
             if rounds > 1:
                 found = joint.search(before, pairs, longest, LATER_RADIUS_PX)
@@ -121,6 +127,7 @@ def refine(
             now, fit = joint.solve(before, ties, longest)
             if (joint.motion_px(before, now) * joint.working_scale(longest)).max() < SETTLED_PX:
                 break
+        earlier += most
         if fit is not None and len(ties) >= LEAST_SOUGHT:
             joint, now, fit = joint.with_aspect(now, ties, longest, fit)
     tied = tuple(int(k) for k in np.unique([ties.to, ties.source])) if fit else ()
