@@ -53,6 +53,7 @@ from texproj.settings import Settings, read_settings
 
 SETTINGS_FILE = "project.toml"
 CAMERAS_FILE = "cameras.json"
+MASKS_FOLDER = "masks"
 AS_USUAL = DevelopOptions()
 UNREADABLE = "cannot be read"
 """In place of the hash of a file that may not be read."""
@@ -150,7 +151,7 @@ class Project:
 
     @cached_property
     def _masks(self) -> Found:
-        return find_masks(self.root / "masks", self._photos.paths)
+        return find_masks(self.root / MASKS_FOLDER, self._photos.paths)
 
     @cached_property
     def _picks(self) -> Found:
@@ -384,7 +385,7 @@ class Project:
 
     def remove_unfinished(self) -> None:
         """Delete what an interrupted run left behind."""
-        here = (self.root, self.root / "correspondences", self.root / "masks")
+        here = (self.root, self.root / "correspondences", self.root / MASKS_FOLDER)
         made = (p for top in (self.work, self.out) for p in (top, *top.rglob("*")) if p.is_dir())
         for folder in (*here, *made):
             remove_unfinished(folder)
