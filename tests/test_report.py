@@ -54,6 +54,8 @@ def test_the_verdict_follows_from_the_numbers():
     assert verdict(facts(seen=0.5))["level"] == "bad"
     assert verdict(facts(error=9.0))["level"] == "bad"
     assert any("20.0 %" in step for step in verdict(facts(seen=0.8))["next"])
+    untold = verdict(facts(error=None))
+    assert untold["level"] == "fair" and "not known" in untold["next"][0]
     none = verdict(facts(failed=(0, 1, 2)) | {"color": None})
     assert none["level"] == "bad" and "no model yet" in none["text"]
 
