@@ -20,15 +20,9 @@ from texproj.camera import Camera
 from texproj.options import RefineOptions
 from texproj.register.joint.lenses import PhotoStart, shared_lenses, with_aspect
 from texproj.register.joint.overlap import choose_partners, shared_views
-from texproj.register.joint.session import (
-    KEPT_PHOTOS,
-    Cameras,
-    Kept,
-    LoadPhoto,
-    Views,
-    anchor_points,
-)
-from texproj.register.joint.ties import TieSearch, find_ties
+from texproj.register.joint.search import TieFinder
+from texproj.register.joint.session import Cameras, LoadPhoto, anchor_points
+from texproj.register.joint.ties import TieSearch
 from texproj.render import Render
 from texproj.solve.joint import Anchors, JointPoses, Ties
 from texproj.solve.lm import LmFit, LmOptions, Loss, minimize
@@ -53,8 +47,8 @@ SETTLED_PX = 0.05
 ANCHOR_WEIGHT = 2.0
 """For how many independent observations a photo's own registration counts."""
 ASPECT_GAIN = 0.015
-"""Part of the cost that must fall for fy / fx to be solved: most sensors have square pixels, and one
-more number always gains a little."""
+"""Part of the cost that must fall for fy / fx to be solved: most sensors have square pixels, and
+one more number always gains a little."""
 LEAST_SOUGHT = 20
 """Patches sought, or ties, below which nothing is concluded."""
 TIE_CORRELATION = 20.0
@@ -95,8 +89,8 @@ def refine(
     start, shared = shared_lenses(photos, points)
     joint = _Joint(
         cameras, start, np.array([photo.sigma_px for photo in photos]),
-        np.array([photo.fixed for photo in photos]), shared, load_photo, render, points,
-        Kept(KEPT_PHOTOS),
+        np.array([photo.fixed for photo in photos]), shared,
+        TieFinder(load_photo, render, 2 * options.working_px), points,
     )  # fmt: skip
     pairs = choose_partners(*shared_views(start, render), options.partners)
     found = joint.search(start, pairs, options.working_px, FIRST_RADIUS_PX)
@@ -145,10 +139,8 @@ class _Joint:
     sigma_px: Doubles
     fixed: NDArray[np.bool_]
     lenses: LensParameters
-    load_photo: LoadPhoto
-    render: Render
+    finder: TieFinder
     points: list[Doubles]
-    photos: Kept[tuple[int, int], Any]
 
     def working_scale(self, longest: int) -> Doubles:
         """(n,) pixels of each reduced photo per pixel of the full one."""
@@ -158,13 +150,7 @@ class _Joint:
         self, cameras: Cameras, pairs: list[Pair], longest: int, radius_px: int
     ) -> dict[Pair, TieSearch]:
         """Ties of all pairs, positions in full-size pixels."""
-        views = Views(cameras, self.photos, longest, self.load_photo, self.render)
-        found = {}
-        for i, j in pairs:
-            one = find_ties(i, j, views, radius_px)
-            to, source = (cameras[i], views[i].camera), (cameras[j], views[j].camera)
-            found[i, j] = replace(one, ties=_at_full_size(one.ties, to, source))
-        return found
+        return self.finder.find(cameras, pairs, longest, radius_px, self.points)
 
     def unconfirmed(self, found: dict[Pair, TieSearch], options: RefineOptions) -> dict[int, str]:
         """The photo whose surface no partner confirms, if its partners are credible: another photo
@@ -271,18 +257,6 @@ def _with_unconfirmed(
     thrown_out = {**unconfirmed, **{kept[k]: why for k, why in rest.thrown_out.items()}}
     tied = tuple(kept[k] for k in rest.tied)
     return Refined(tuple(cameras), thrown_out, tied, error, motion, rest.quality)
-
-
-def _at_full_size(ties: Ties, to: tuple[Camera, Camera], source: tuple[Camera, Camera]) -> Ties:
-    """The ties in pixels of the full-size photos; to, source: (full size, reduced)."""
-    return replace(
-        ties, to_px=ties.to_px * _enlarged(*to), source_px=ties.source_px * _enlarged(*source)
-    )
-
-
-def _enlarged(full: Camera, reduced: Camera) -> Doubles:
-    """(2,) full-size pixels per reduced one, across and down: sizes are whole pixels."""
-    return np.array([full.width / reduced.width, full.height / reduced.height])
 
 
 def _spread_px(camera: Camera, points: Doubles, covariance: Doubles) -> float:
