@@ -98,7 +98,7 @@ def refine_project(
     progress(STAGE, 0, 1, "")
     names = list(before)
     fixed = [hold_imported and not entries[n].sought for n in names]
-    refined = _refine(bench, before, fixed, progress)
+    refined = _refine(bench, before, fixed)
     asked = not project.settings.refine.enabled
     after = _records(names, before, refined, fixed, asked)
     outcome = _outcome(names, refined, fixed)
@@ -160,9 +160,7 @@ def _usable(project: Project, name: str, entry: CameraRecord) -> CameraRecord | 
     return entry
 
 
-def _refine(
-    bench: Workbench, before: Mapping[str, CameraRecord], fixed: list[bool], progress: Progress
-) -> Refined:
+def _refine(bench: Workbench, before: Mapping[str, CameraRecord], fixed: list[bool]) -> Refined:
     from texproj.register.joint.lenses import PhotoStart  # noqa: PLC0415 - slow to load
     from texproj.register.joint.refine import refine  # noqa: PLC0415 - slow to load
 
@@ -182,11 +180,7 @@ def _refine(
         return bench.plain_scene.gbuffer(camera, CHANNELS)
 
     photos = [start(record, held) for record, held in zip(before.values(), fixed, strict=True)]
-
-    def tell(done: int, most: int) -> None:
-        progress(STAGE, done, most, f"round {done + 1}")
-
-    return refine(photos, load, render, project.settings.refine, tell)
+    return refine(photos, load, render, project.settings.refine)
 
 
 def _sigma_px(record: CameraRecord) -> float:
