@@ -26,6 +26,7 @@ from texproj.formats.models import (
     write_obj,
     write_pages,
     write_ply,
+    write_usdz,
 )
 from texproj.formats.models.images import IMAGE_SUFFIXES
 from texproj.mesh import ColoredMesh, Mesh, MeshSource, TexturedMesh, vertex_normals
@@ -35,11 +36,13 @@ from texproj.provenance import NOTHING, Provenance
 from texproj.standing import Standing, standing
 
 STEM = "model"
-PLY, GLB, OBJ = "model.ply", "model.glb", "model.obj"
+PLY, GLB, OBJ, USDZ = "model.ply", "model.glb", "model.obj", "model.usdz"
 KTX2_SIZE = 4
 """Width and height of a page in KTX 2 are multiples of it (KHR_texture_basisu)."""
 
-Kind = Literal["ply", "glb", "obj"]
+Kind = Literal["ply", "glb", "obj", "usdz"]
+ON_REQUEST: frozenset[Kind] = frozenset({"usdz"})
+"""Kinds that models = ["auto"] leaves out."""
 
 
 @dataclass(frozen=True)
@@ -65,10 +68,10 @@ def output_plan(
     cannot be written.
     """
     textured = color.to != "vertices"
-    possible: tuple[Kind, ...] = ("glb", "obj") if textured else ("ply", "glb")
+    possible: tuple[Kind, ...] = ("glb", "obj", "usdz") if textured else ("ply", "glb")
     asked: set[Kind] = {model for model in output.models if model != "auto"}
     if "auto" in output.models or not asked:
-        asked |= set(possible) if textured else {"ply"}
+        asked |= set(possible) - ON_REQUEST if textured else {"ply"}
         asked |= {"glb"} if color.bits == 16 else set()
     for model in sorted(asked - set(possible)):
         raise UsageError(
@@ -147,6 +150,9 @@ def write_texture(folder: Path, mesh: Mesh, texture: Texture, plan: OutputPlan) 
         if "glb" in plan.models:
             _write_glb(folder, model, images, plan)
             written.append(folder / GLB)
+        if "usdz" in plan.models:
+            _write_usdz(folder, model, images, plan)
+            written.append(folder / USDZ)
         if "obj" in plan.models:
             written += [*text.result(), *images]
     return tuple(path.name for path in written)
@@ -162,6 +168,22 @@ def _write_glb(
     images = obj_images if shared else _glb_images(folder, model, plan)
     shown = plan.glb_image, plan.options.unlit, plan.standing
     write_glb(folder / GLB, model, images, *shown, plan.provenance)
+    for image in () if shared else images:
+        image.unlink()
+
+
+def _write_usdz(
+    folder: Path, model: TexturedMesh, obj_images: Sequence[Path], plan: OutputPlan
+) -> None:
+    """Write the usdz, which holds png and jpeg alone, with the images of the obj if they fit."""
+    kind: ImageFormat = "jpeg" if plan.obj_image == "jpeg" else "png"
+    shared = "obj" in plan.models and plan.obj_image == kind and plan.bits == 8
+    images = obj_images
+    if not shared:
+        pages = tuple(to_8_bit(page) for page in model.pages)
+        images = write_pages(folder / f"inside_{STEM}", pages, kind, plan.options.quality)
+    shown = plan.options.unlit, plan.standing
+    write_usdz(folder / USDZ, model, images, *shown, plan.provenance)
     for image in () if shared else images:
         image.unlink()
 
