@@ -51,7 +51,7 @@ GROWTH = 6.0
 """Largest ratio of the cut's area on the mesh to the contradicted area: beyond, it has run out."""
 
 ROUNDS = 3
-MARGIN = 0.005
+MARGIN = 0.008
 """By which a cut is widened, part of the longer side: the soft edge of what is cut out."""
 
 
