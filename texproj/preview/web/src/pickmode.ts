@@ -304,11 +304,11 @@ export class PickMode {
     this.busy = true;
     const photo = this.photo;
     try {
-      while (this.photo === photo && JSON.stringify(pairs(this.picks)) !== JSON.stringify(pairs(this.base))) {
+      while (this.photo?.name === photo.name && JSON.stringify(pairs(this.picks)) !== JSON.stringify(pairs(this.base))) {
         this.saved = "saving";
         const sent = this.picks;
         const answer = await api.savePicks(photo.name, pairs(sent), this.version);
-        if (this.photo !== photo) return;
+        if (this.photo?.name !== photo.name) return;
         if (answer.conflict) this.merge(answer);
         else this.accept(answer);
       }
