@@ -169,7 +169,8 @@ def _seen(patches: SurfacePatches, which: Index, sight: Sight) -> NDArray[np.boo
     probes = patches.xyz[which[:, None, None], PROBES[:, None], PROBES].reshape(len(which), -1, 3)
     if not len(which):
         return np.zeros(0, np.bool_)
-    return sight.sees(_moved(probes, patches.camera.pose, sight.camera.pose)).all(axis=1)
+    seen = sight.sees(_moved(probes, patches.camera.pose, sight.camera.pose))
+    return np.logical_and.reduce(seen, axis=1)
 
 
 def _in_colors_of(partner: Partner, patches: SurfacePatches, which: Index) -> Field:
