@@ -30,6 +30,10 @@ class ColorOptions:
     clipped_weight: Annotated[Fraction, EXPERT] = 0.2
     """Weight of samples where the photo is over-exposed; 1 = as good as any."""
 
+    occluders: bool = True
+    """Leave out what stands in front of the piece in single photos: found where the other photos
+    contradict, cut out whole, kept as a mask in work/occluders/ that can be edited."""
+
     focus_power: Annotated[float, Field(ge=0, le=8)] = 2.0
     """How strongly blurred parts of photos are distrusted: the power of their energy of fine detail
     against that of the other photos; 0 = not looked at. By "multi-band" only in their detail."""
@@ -60,7 +64,7 @@ class ColorOptions:
     """Difference from the other photos (square root of linear light, 1 = white) at which a sample
     counts half."""
 
-    preference: Annotated[float, Field(ge=0, le=8)] = 0.85
+    preference: Annotated[float, Field(ge=0, le=8), EXPERT] = 0.35
     """How strongly the best of the photos that agree is preferred: the power of its weight. Not
     used by the blend "mean", where it is 1."""
 
@@ -112,9 +116,9 @@ class PatchOptions:
 class OutputOptions:
     """Which files are written to out/, and what is in them."""
 
-    models: tuple[Literal["auto", "glb", "obj", "ply"], ...] = ("auto",)
+    models: tuple[Literal["auto", "glb", "obj", "ply", "usdz"], ...] = ("auto",)
     """Kinds of model files: auto = glb and obj with a texture, ply with vertex colors (which a glb
-    can hold too)."""
+    can hold too). usdz holds a texture as png or jpeg, for Apple's viewers and USD."""
 
     image: Literal["png", "jpeg", "webp", "tiff", "ktx2"] = "png"
     """Format of the texture's images. tiff is for the obj, ktx2 (made by the program basisu) for
@@ -130,8 +134,8 @@ class OutputOptions:
     """The scan's upward axis, by which a glb is turned to stand upright (glTF has y upwards): a
     node turns it, coordinates stay the scan's, in obj and ply too. auto: upward in the photos."""
 
-    unit: Literal["auto", "m", "cm", "mm"] = "auto"
+    unit: Annotated[Literal["auto", "m", "cm", "mm"], EXPERT] = "auto"
     """The scan's unit, by which the same node scales a glb to metres; auto = as it is."""
 
     unlit: bool = True
-    """A glb shows the colors as photographed, without lights of the viewer's own."""
+    """A glb or usdz shows the colors as photographed, without lights of the viewer's own."""

@@ -25,6 +25,7 @@ from texproj.options import PreviewOptions
 from texproj.preview.door import check_picks, check_texts, leaves
 from texproj.preview.events import Hub
 from texproj.preview.jobs import Job, Jobs
+from texproj.preview.memory import chosen_up
 from texproj.preview.photos import Pictures, photo_facts
 from texproj.preview.surface import Surface
 from texproj.project import Project
@@ -72,7 +73,7 @@ class Session:
         self.options = options
         self.hub = Hub()
         self.jobs = Jobs(self.hub)
-        self.picks_lock = threading.Lock()
+        self.edit_lock = threading.Lock()
         self.pictures = Pictures()
         self._project: tuple[tuple[str | None, ...], Project] | None = None
         self._project_lock = threading.Lock()
@@ -115,11 +116,15 @@ class Session:
         """All that the page shows beside pictures. Raises InputError for broken cameras.json."""
         project = self.project
         entries = project.load_cameras()
-        names = project.photo_names
+        names, report = project.photo_names, project.out / "report.html"
         return {
             "name": self.root.resolve().name,
             "mesh": {"key": project.hash_of(project.mesh_path), "file": project.mesh_path.name},
             "photos": [photo_facts(project, name, entries.get(name)) for name in names],
+            "excluded": list(project.settings.exclude),
+            "to": project.settings.color.to,
+            "up": chosen_up(project),
+            "report": None if leaves(report, self.root) else stamp(report),
             "models": {name: shown_stamp(project.out / name, self.root) for name in MODEL_FILES},
             "jobs": [job.as_dict() for job in self.jobs.active],
         }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,8 +25,10 @@ from texproj.stages.freshness import (
     file_inputs,
     options_inputs,
 )
+from texproj.stages.occluding import keep_occluders, occluder_inputs
 from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
+from texproj.stages.provenance import provenance_of
 from texproj.stages.writing import OutputPlan, output_plan, write_texture, write_vertices
 
 if TYPE_CHECKING:
@@ -36,7 +38,7 @@ if TYPE_CHECKING:
 
 STAGE = "color"
 VERSION = 3
-Write = Callable[[Path], tuple[str, ...]]
+Write = Callable[[Path, OutputPlan], tuple[str, ...]]
 SECTIONS = ("color", "unwrap", "patches", "output", "render")
 
 
@@ -91,23 +93,29 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
     before = project.load_record(STAGE)
     if before is not None and color_freshness(project).fresh:
         return _outcome(project, before, kept=True)
-    inputs = _inputs(project)
     cameras, failed = usable_cameras(project)
     plan = output_plan(project.settings.color, project.settings.output, tuple(cameras.values()))
-    colors, write = _made(bench, photo_set(project, cameras), plan, progress)
+    hidden = keep_occluders(bench, cameras, progress)
+    inputs = _inputs(project)
+    colors, write = _made(bench, photo_set(project, cameras), progress)
     failed |= colors.failed
     if not set(cameras) - set(failed):
         raise InputError(f"no photo could be read: {'; '.join(failed.values())}")
+    used = [name for name in cameras if name not in failed]
+    made_by = provenance_of(project, used)
     with staging(project.out) as folder:
-        files = write(folder)
+        files = write(folder, replace(plan, provenance=made_by))
     _remove_leftovers(project, before, files)
     record = {
         "inputs": inputs,
         "outputs": {name: project.hash_of(project.out / name) for name in files},
-        "used": [name for name in cameras if name not in failed],
+        "used": used,
         "failed": failed,
         "quality": colors.quality,
+        "occluders": hidden,
         "standing": asdict(plan.standing),
+        "provenance": dict(made_by.facts),
+        "copyright": made_by.copyright,
         "mesh notes": list(bench.source.notes),
     }
     project.save_record(STAGE, None, record)
@@ -188,17 +196,19 @@ def _other_shape(project: Project, record: CameraRecord) -> str:
 
 
 def photo_set(project: Project, cameras: Mapping[str, Camera]) -> PhotoSet:
-    """The photos of these cameras."""
+    """The photos of these cameras, without what stands in front of the piece."""
     from texproj.color.sampling.photo_set import PhotoSet  # noqa: PLC0415 - slow to load
 
+    cut = project.settings.color.occluders
+
     def read(name: str) -> Photo:
-        return attended(name, partial(project.load_photo, name))
+        return attended(name, partial(project.load_photo, name, cut=cut))
 
     return PhotoSet(tuple(cameras), tuple(cameras.values()), read)
 
 
 def _made(
-    bench: Workbench, photos: PhotoSet, plan: OutputPlan, progress: Progress
+    bench: Workbench, photos: PhotoSet, progress: Progress
 ) -> tuple[VertexColors | Texture, Write]:
     """The colors of the model, and what writes it into a folder and returns the file names."""
     from texproj.color.vertices import color_vertices  # noqa: PLC0415 - slow to load
@@ -209,9 +219,9 @@ def _made(
     options, checker = bench.project.settings.color, checker_of(bench.project)
     if options.to == "vertices":
         colors = color_vertices(bench.mesh, photos, bench.renderer, options, checker, tell)
-        return colors, lambda folder: write_vertices(folder, bench.source, colors, plan)
+        return colors, lambda folder, plan: write_vertices(folder, bench.source, colors, plan)
     texture = _texture(bench, photos, checker, tell)
-    return texture, lambda folder: write_texture(folder, bench.mesh, texture, plan)
+    return texture, lambda folder, plan: write_texture(folder, bench.mesh, texture, plan)
 
 
 def _texture(
@@ -243,11 +253,23 @@ def _photo_inputs(project: Project, name: str, record: CameraRecord) -> Inputs:
         return {}
     camera = {"width": record.width, "height": record.height, **camera_part(record)}
     files = {name: project.photo_path(name), f"mask of {name}": project.mask_path(name)}
-    return {**file_inputs(project, **files), f"camera of {name}": json_hash(camera)}
+    hidden = occluder_inputs(project, name)
+    return {**file_inputs(project, **files), **hidden, f"camera of {name}": json_hash(camera)}
+
+
+def _left_out(name: str, told: dict[str, Any]) -> str:
+    """The sentence about what stands in front of the piece in a photo."""
+    if told["edited"]:
+        return f"{name}: {told['mask']}, which was edited, says what is left out of it"
+    return (
+        f"{name}: something stands in front of the piece ({100 * told['share']:.1f} % of what the"
+        f" photo shows of it) and is left out; {told['mask']} shows what, and can be edited"
+    )
 
 
 def _outcome(project: Project, record: dict[str, Any], kept: bool) -> ColorOutcome:
     files, used = tuple(record["outputs"]), tuple(record["used"])
-    notes = tuple(record.get("mesh notes", ()))
+    hidden = record.get("occluders", {})
+    notes = (*record.get("mesh notes", ()), *(_left_out(n, told) for n, told in hidden.items()))
     failed, quality = record["failed"], record["quality"]
     return ColorOutcome(project.out, files, used, failed, quality, notes, kept)

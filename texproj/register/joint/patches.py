@@ -170,7 +170,7 @@ def _seen(patches: SurfacePatches, which: Index, sight: Sight) -> NDArray[np.boo
     if not len(which):
         return np.zeros(0, np.bool_)
     seen = sight.sees(_moved(probes, patches.camera.pose, sight.camera.pose))
-    return np.logical_and.reduce(seen, axis=1)
+    return np.all(seen, axis=1)
 
 
 def _in_colors_of(partner: Partner, patches: SurfacePatches, which: Index) -> Field:
