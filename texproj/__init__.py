@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from texproj.mesh import Mesh
     from texproj.photo import Correspondences, Photo
     from texproj.project import Project
+    from texproj.stages.appearing import appearance_project
     from texproj.stages.bench import Workbench
     from texproj.stages.coloring import color_project
     from texproj.stages.refining import refine_project
@@ -43,6 +44,7 @@ _HOMES = {
     "Workbench": "texproj.stages.bench",
     "register_photos": "texproj.stages.registering",
     "refine_project": "texproj.stages.refining",
+    "appearance_project": "texproj.stages.appearing",
     "color_project": "texproj.stages.coloring",
     "report_project": "texproj.stages.reporting",
     "run_project": "texproj.stages.running",
@@ -60,6 +62,7 @@ __all__ = [
     "TexprojError",
     "Workbench",
     "__version__",
+    "appearance_project",
     "color_project",
     "create_project",
     "project_status",

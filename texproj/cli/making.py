@@ -71,6 +71,24 @@ def color(
         return run_stage(project, json, color_project)
 
 
+def appearance(
+    folder: Folder,
+    /,
+    *,
+    flags: RenderFlags = None,
+    json: Json = False,
+    verbose: Verbose = False,
+) -> int:
+    """Find the light of the photos and write the surface without it to out/.
+
+    Example: texproj appearance statue
+    """
+    from texproj.stages.appearing import appearance_project  # noqa: PLC0415
+
+    with project_at_work(folder, flags, verbose, "appearance") as project:
+        return run_stage(project, json, appearance_project)
+
+
 def refine(
     folder: Folder,
     /,

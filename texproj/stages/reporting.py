@@ -29,6 +29,7 @@ from texproj.report.pictures import (
     overlay,
     viewpoints,
 )
+from texproj.stages.appearing import STAGE as APPEARANCE
 from texproj.stages.bench import Workbench
 from texproj.stages.coloring import STAGE as COLOR
 from texproj.stages.entries import is_refined
@@ -117,6 +118,7 @@ def _inputs(project: Project) -> Inputs:
         "texproj": __version__,
         "cameras": json_hash([_shown(r) for r in project.load_cameras().values()]),
         "model": json_hash(project.load_record(COLOR)),
+        "appearance": json_hash(project.load_record(APPEARANCE)),
         "what nothing uses": json_hash(project.notes),
         **file_inputs(project, **shown),
     }
@@ -131,7 +133,7 @@ def _shown(record: CameraRecord) -> list[Any]:
 def _facts(bench: Workbench, records: dict[str, CameraRecord]) -> dict[str, Any]:
     project, source = bench.project, bench.source
     photos = [_photo_facts(project, name, records.get(name)) for name in project.photo_names]
-    color = project.load_record(COLOR)
+    color, appearance = project.load_record(COLOR), project.load_record(APPEARANCE)
     renderer = bench.renderer
     return {
         "format": "texproj-report",
@@ -157,6 +159,7 @@ def _facts(bench: Workbench, records: dict[str, CameraRecord]) -> dict[str, Any]
         "refinement": _refinement(project, records),
         "photos": photos,
         "color": color and {**color, "files": list(color["outputs"])},
+        "appearance": appearance and {**appearance, "files": list(appearance["outputs"])},
     }
 
 

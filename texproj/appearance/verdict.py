@@ -1,0 +1,104 @@
+"""Whether a light is to be believed: parts of the surface that were left out of its fit are
+predicted from their chroma alone, with the light and without any.
+
+One light for all photos explains each point's color whatever it is, with the albedo that is left.
+So photos that were held out would look the same in either case, and tell nothing; parts of the
+surface do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.appearance.light_fit import LightFit, LitPoints, fit_light
+from texproj.appearance.palette import clusters, log_chroma, medians, members
+from texproj.arrays import Doubles
+from texproj.photo import srgb_from_linear
+
+CELLS = 8
+"""Of the diagonal, along each side of a cell that is left out as a whole."""
+
+LEAST_GAIN_DB = 1.0
+"""Gain below which the light is refused: what unpainted noise and odd paint give by chance."""
+
+SLOPES = (0.6, 1.5)
+"""How strongly colors may follow the predicted light, 1 = exactly: paint that happens to vary with
+it follows more or less."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """accepted: whether the light is believed; plain_db, lit_db: PSNR of parts of the surface that
+    were left out of the fit, predicted by their chroma alone and with the light too; slope: of log
+    color on log light within a paint there.
+    """
+
+    accepted: bool
+    plain_db: float
+    lit_db: float
+    slope: float
+
+    @property
+    def gain_db(self) -> float:
+        """How much better the light predicts."""
+        return self.lit_db - self.plain_db
+
+    @property
+    def refusal(self) -> str:
+        """Why it is refused, in one sentence; empty where it is not."""
+        if self.accepted:
+            return ""
+        return (
+            f"the light cannot be told from the paint here ({self.gain_db:.1f} dB better than no"
+            f" light at all, {LEAST_GAIN_DB:.0f} is asked for; colors follow it with a slope of"
+            f" {self.slope:.2f}): photograph on a cloudy day, all around and from above"
+        )
+
+
+def halves(xyz: NDArray[np.floating], diagonal: float) -> NDArray[np.bool_]:
+    """(n,) which of two halves each point belongs to: a chess board of cells in space."""
+    cell = np.floor(xyz / (diagonal / CELLS)).astype(int)
+    return cell.sum(axis=1) % 2 == 0
+
+
+def judged(points: LitPoints, half: NDArray[np.bool_], start: LightFit) -> Verdict:
+    """The verdict on a kind of light: each half predicted from the fit to the other one."""
+    plain, lit = np.empty_like(points.rgb), np.empty_like(points.rgb)
+    slope = []
+    for fitted in (half, ~half):
+        known, other = points.take(fitted), points.take(~fitted)
+        fit = fit_light(known, start)
+        lit[~fitted] = fit.predicted(other)
+        plain[~fitted] = _by_chroma(known.rgb, other.rgb)
+        slope.append(_slope(other, fit))
+    plain_db, lit_db = psnr(points.rgb, plain), psnr(points.rgb, lit)
+    mean = float(np.mean(slope))
+    accepted = lit_db - plain_db >= LEAST_GAIN_DB and SLOPES[0] <= mean <= SLOPES[1]
+    return Verdict(bool(accepted), plain_db, lit_db, mean)
+
+
+def _by_chroma(known: Doubles, other: Doubles) -> Doubles:
+    """(n, 3) the usual color of points of the same hue: what no light at all predicts."""
+    chroma = log_chroma(known)
+    centers = clusters(chroma)
+    palette = medians(known, members(chroma, centers), len(centers))
+    return palette[members(log_chroma(other), centers)]
+
+
+def _slope(points: LitPoints, fit: LightFit) -> float:
+    """Of log color on log light, within paints."""
+    light = fit.irradiance(points)
+    label = fit.labels(points)
+    x, y = np.log(light[:, 1]), np.log(np.maximum(points.rgb[:, 1], 1e-4))
+    count = np.maximum(np.bincount(label), 1)
+    x, y = (v - (np.bincount(label, v) / count)[label] for v in (x, y))
+    return float((x * y).sum() / max(float((x * x).sum()), 1e-12))
+
+
+def psnr(truth: Doubles, found: Doubles) -> float:
+    """Decibels between linear colors, compared as they are shown (sRGB)."""
+    shown = [srgb_from_linear(np.clip(rgb, 0, 1)) for rgb in (truth, found)]
+    return float(-10 * np.log10(np.mean(np.square(shown[0] - shown[1])) + 1e-12))
