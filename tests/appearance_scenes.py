@@ -8,21 +8,19 @@ not the shape that was photographed. Needs `pip install mitsuba`.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Literal
 
-import cv2
 import numpy as np
 
 from texproj.arrays import Doubles, Floats
 from texproj.camera import Camera, Intrinsics, Pose
 from texproj.demo.object import carved, piece, scanned
-from texproj.demo.pattern import painted, uniform
-from texproj.mesh import Mesh
+from texproj.demo.pattern import Pattern, painted
+from texproj.mesh import Mesh, vertex_normals
 from texproj.photo import srgb_from_linear
 
 VARIANT = "scalar_rgb"
-"""Mitsuba on all cores, 32 bit."""
+"""On all cores; the vectorized variants want an LLVM that not every machine has."""
 
 DEPTH = 6
 """Longest path: five bounces."""
@@ -30,6 +28,8 @@ DEPTH = 6
 SIZE = (480, 360)
 SKY_SIZE = (128, 64)
 FIELD_DEG = 40.0
+DISTANCE = 1.5
+"""Of the cameras, in diagonals of the piece."""
 
 Weather = Literal["sun", "cloudy"]
 
@@ -76,9 +76,8 @@ class Set:
 def natural_set(
     kind: Literal["stele", "capital"],
     weather: Weather,
-    photos: int = 20,
-    paint: float = 1.0,
-    samples: int = 48,
+    photos: int = 12,
+    samples: int = 16,
     seed: int = 3,
 ) -> Set:
     """One set; deterministic but for the renderer's rounding."""
@@ -88,7 +87,7 @@ def natural_set(
     made = piece(kind, seed)
     true = carved(made, 120_000)
     scan = scanned(made, 40_000, 0.0004, seed)
-    pattern = painted(seed, paint) if paint >= 0 else uniform(0.35)
+    pattern = painted(seed)
     light = DAYS[weather]
     scene = mi.load_dict({
         "type": "scene",
@@ -101,20 +100,32 @@ def natural_set(
         name = f"IMG_{number:03d}.png"
         radiance = _taken(mi, scene, camera, samples, number)
         cameras[name], pictures[name] = camera, developed(radiance, seed * 100 + number)
-    albedo = pattern(scan.vertices.astype(np.float32))
+    albedo = as_pixels_show(pattern, scan)
     return Set(scan, albedo, cameras, pictures, light, true)
 
 
+def as_pixels_show(pattern: Pattern, mesh: Mesh) -> Floats:
+    """(V, 3) albedo averaged over what a pixel, sampled bilinearly, shows of the surface."""
+    width = DISTANCE * mesh.diagonal * 2 * np.tan(np.radians(FIELD_DEG) / 2) / SIZE[0]
+    normals = vertex_normals(mesh)
+    rng = np.random.default_rng(1)
+    total = np.zeros(mesh.vertices.shape)
+    for _ in range(16):
+        aside = rng.standard_normal(normals.shape) * 0.6 * width
+        aside -= normals * np.einsum("ij,ij->i", aside, normals)[:, None]
+        total += pattern((mesh.vertices + aside).astype(np.float32))
+    return (total / 16).astype(np.float32)
+
+
 def sky_image(light: Light) -> Floats:
-    """(h, w, 3) equirectangular radiance for Mitsuba's envmap (y upwards there, so it is turned
-    by its caller's frame: here rows are colatitudes from +y).
+    """(h, w, 3) radiance for Mitsuba's envmap, whose rows are angles from +y; z is up here, and the
+    direction of each pixel says what is there.
     """
     width, height = SKY_SIZE[0] * 8, SKY_SIZE[1] * 8
     v, u = np.meshgrid(
         (np.arange(height) + 0.5) / height, (np.arange(width) + 0.5) / width, indexing="ij"
     )
     theta, phi = np.pi * v, 2 * np.pi * u
-    # Mitsuba: direction = (sin phi sin theta, cos theta, -cos phi sin theta)
     d = np.stack([np.sin(phi) * np.sin(theta), np.cos(theta), -np.cos(phi) * np.sin(theta)], -1)
     up = d[..., 2:]
     blend = np.clip(up * 3 + 0.5, 0, 1)
@@ -162,7 +173,7 @@ def all_around(mesh: Mesh, photos: int, seed: int) -> list[Camera]:
             np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth),
             np.sin(elevation),
         ])  # fmt: skip
-        center = mesh.center + toward * mesh.diagonal * 1.5
+        center = mesh.center + toward * mesh.diagonal * DISTANCE
         z = -toward
         x = np.cross(z, [0, 0, 1.0])
         x /= np.linalg.norm(x)
@@ -194,10 +205,3 @@ def developed(radiance: Floats, seed: int) -> np.ndarray:
     sigma = np.sqrt(np.maximum(radiance, 0) / 15000 + 0.0015**2)
     noisy = radiance + sigma * rng.standard_normal(radiance.shape)
     return np.round(srgb_from_linear(np.clip(noisy, 0, 1)) * 255).astype(np.uint8)
-
-
-def save(made: Set, folder: Path) -> None:
-    """Keep a set, photos as files beside it."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, picture in made.photos.items():
-        cv2.imwrite(str(folder / name), picture[..., ::-1])

@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 from plyfile import PlyData
+from scipy.spatial import cKDTree
 from skimage.color import deltaE_ciede2000
 
 from texproj.appearance.harmonics import OPEN_GAINS, basis
@@ -25,7 +26,7 @@ from texproj.demo.pattern import painted
 from texproj.demo.photographer import set_up
 from texproj.formats.models import read_model
 from texproj.mesh import Mesh, vertex_normals
-from texproj.photo import LUMINANCE
+from texproj.photo import LUMINANCE, linear_from_srgb
 
 SUNNY = Lighting()
 CLOUDY = Lighting(sun=(0.0, 0.0, 0.0), sky=(0.80, 0.86, 0.95), bounce=(0.2, 0.19, 0.17))
@@ -246,3 +247,29 @@ def test_status_tells_what_changed(project_folder, capsys):
         file.write('[light]\nkind = "natural"\n')
     main(["status", str(project_folder)])
     assert "stale: not made yet" in capsys.readouterr().out.split("appearance")[2]
+
+
+def test_the_command_writes_a_texture(project_folder, capsys):
+    """A lit model whose pages agree with the vertices' base color, and the pages as images."""
+    shutil.copy(project_folder / "truth/cameras.json", project_folder / "cameras.json")
+
+    assert main(["appearance", str(project_folder), "--to", "texture"]) == 0
+
+    told = capsys.readouterr().out
+    assert "model.glb" in told
+    assert "base_color_0.png" in told
+    data = (project_folder / "out/model.glb").read_bytes()
+    assert b"KHR_materials_unlit" not in data
+    model = read_model(project_folder / "out/model.glb")
+    page = linear_from_srgb(np.asarray(model.pages[0])[..., :3] / 255.0)
+    at = (model.uv * (1, -1) + (0, 1)) * page.shape[1::-1] - 0.5
+    column, row = np.clip(np.round(at).astype(int).T, 0, np.array(page.shape[1::-1])[:, None] - 1)
+    found = np.zeros((len(model.vertices), 3))
+    found[model.faces] = page[row, column][model.uv_faces]
+    vertex = PlyData.read(project_folder / "out/appearance.ply")["vertex"]
+    base = np.stack([vertex[f"base_{c}"] for c in "rgb"], axis=1)
+    place = cKDTree(np.stack([vertex[k] for k in "xyz"], axis=1)).query(model.vertices)[1]
+    seen = vertex["confidence"][place] > 0
+    texels, vertices = found[seen] @ LUMINANCE, base[place][seen] @ LUMINANCE
+    assert np.median(texels / vertices) == pytest.approx(1, abs=0.05)
+    assert np.corrcoef(texels, vertices)[0, 1] > 0.8  # vertices show coarser paint

@@ -177,12 +177,18 @@ def _everywhere(
             sun = caster.sun(rows, found.to_sun, SUN_RAYS).astype(np.float64)
             points = replace(points, sun=sun)
         light = found.fit.irradiance(points)
-        albedo = factor * np.pi * points.rgb / light
-        base[rows] = np.clip(np.maximum(albedo - GLOSS, albedo / 4), 0, 1)
         irradiance[rows] = light / np.pi / factor
+        base[rows] = base_color(rgb[rows] / irradiance[rows])
         told = found.fit.predicted(points) @ LUMINANCE
         off = np.log(np.maximum(points.rgb @ LUMINANCE, 1e-4) / np.maximum(told, 1e-4))
         confidence[rows] = 1 / (1 + (off / OFF_HALF) ** 2)
         if progress:
             progress(len(rows) + start, count)
     return base, irradiance, confidence
+
+
+def base_color(reflected: Floats) -> Floats:
+    """(n, 3) base color, 0..1, of what a surface reflects of its irradiance: less the gloss of a
+    dielectric, but no less than a quarter, which gloss never is the rest of.
+    """
+    return np.clip(np.maximum(reflected - np.float32(GLOSS), reflected / 4), 0, 1)

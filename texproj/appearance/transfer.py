@@ -96,12 +96,17 @@ class LightCaster:
 
         to_sun: (3,) unit vector; rays: more than 1 are spread over a disk of `SUN_RADIUS_DEG`.
         """
+        return self.sun_at(self.xyz[chosen], self.normals[chosen], to_sun, rays)
+
+    def sun_at(self, xyz: Floats, normals: Floats, to_sun: Doubles, rays: int = 1) -> Floats:
+        """The same at any points (n, 3) of the surface, relative to the mesh's center, with unit
+        normals (n, 3).
+        """
         toward = to_sun.astype(np.float32)
-        cosine = np.maximum(self.normals[chosen] @ toward, 0)
+        cosine = np.maximum(normals @ toward, 0)
         lit = np.flatnonzero(cosine)
-        rows = chosen[lit]
-        origins = self.xyz[rows] + self._lift * self.normals[rows]
-        seen = np.zeros(len(rows), np.float32)
+        origins = xyz[lit] + self._lift * normals[lit]
+        seen = np.zeros(len(lit), np.float32)
         for direction in _disk(toward, rays):
             seen += ~self._caster.blocked(origins, np.broadcast_to(direction, origins.shape))
         cosine[lit] *= seen / np.float32(rays)

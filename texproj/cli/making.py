@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from cyclopts import Parameter
 
@@ -75,6 +75,10 @@ def appearance(
     folder: Folder,
     /,
     *,
+    to: Annotated[
+        Literal["vertices", "texture"],
+        Parameter(help="Also a textured model, in place of that of `color`."),
+    ] = "vertices",
     flags: RenderFlags = None,
     json: Json = False,
     verbose: Verbose = False,
@@ -86,7 +90,7 @@ def appearance(
     from texproj.stages.appearing import appearance_project  # noqa: PLC0415
 
     with project_at_work(folder, flags, verbose, "appearance") as project:
-        return run_stage(project, json, appearance_project)
+        return run_stage(project, json, lambda bench, tell: appearance_project(bench, tell, to))
 
 
 def refine(

@@ -6,15 +6,15 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from texproj.errors import InputError
 from texproj.files import staging
-from texproj.formats.models import write_colored_glb, write_ply
+from texproj.formats.models import write_colored_glb, write_pages, write_ply
 from texproj.mesh import ColoredMesh, MeshSource, vertex_normals
-from texproj.options import ColorOptions
+from texproj.options import ColorOptions, OutputOptions
 from texproj.photo import srgb_from_linear
 from texproj.project import Project
 from texproj.stages.bench import Workbench
@@ -29,17 +29,19 @@ from texproj.stages.coloring import (
 from texproj.stages.freshness import Freshness, Inputs, changed_inputs, options_inputs
 from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
-from texproj.standing import Standing, standing
+from texproj.stages.writing import OutputPlan, output_plan, write_texture
 
 if TYPE_CHECKING:
     from texproj.appearance.natural import Chart
     from texproj.appearance.outcome import Appearance
-    from texproj.color.result import VertexColors
+    from texproj.color.result import Texture, VertexColors
 
 STAGE = "appearance"
 VERSION = 1
 PLY, GLB, LIGHT = "appearance.ply", "appearance.glb", "light.json"
-SECTIONS = ("color", "light", "output", "render")
+BASE = "base_color"
+SECTIONS = ("color", "unwrap", "light", "output", "render")
+Target = Literal["vertices", "texture"]
 
 HIGHLIGHT = 1.0
 """How strongly highlights are distrusted: they are none of the surface's color."""
@@ -96,27 +98,33 @@ def light_lines(light: dict[str, Any]) -> Iterator[str]:
     yield f"base color: {known}"
 
 
-def appearance_project(bench: Workbench, progress: Progress = silent) -> AppearanceOutcome:
+def appearance_project(
+    bench: Workbench, progress: Progress = silent, to: Target | None = None
+) -> AppearanceOutcome:
     """Find the light of the registered photos and write the surface without it to out/.
 
-    A photo that cannot be read is left out and named in `failed`. Raises InputError if none is
-    left, OutputError if out/ cannot be written; the old files stay then.
+    to: "texture" writes a textured model too, in place of that of the stage `color`; None = as the
+    last time. A photo that cannot be read is left out and named in `failed`. Raises InputError if
+    none is left, OutputError if out/ cannot be written; the old files stay then.
     """
     project = bench.project
     before = project.load_record(STAGE)
-    if before is not None and appearance_freshness(project).fresh:
+    to = to or _made(before)
+    if before is not None and appearance_freshness(project, to).fresh:
         return _outcome(project, before, kept=True)
-    inputs = _inputs(project)
+    inputs = _inputs(project, to)
     cameras, failed = usable_cameras(project)
-    output = project.settings.output
-    stands = standing(output.up, output.unit, tuple(cameras.values()))
+    plan = output_plan(*_wanted(project), tuple(cameras.values()))
     colors, appearance = _found(bench, progress)
     failed |= colors.failed
     if not set(cameras) - set(failed):
         raise InputError(f"no photo could be read: {'; '.join(failed.values())}")
     light = light_facts(appearance)
     with staging(project.out) as folder:
-        files = _write(folder, bench.source, appearance, stands)
+        files = _write(folder, bench.source, appearance, plan)
+        if to == "texture":
+            texture = _texture(bench, appearance, progress)
+            files += _write_texture(folder, bench, texture, plan)
         (folder / LIGHT).write_text(json.dumps(light, indent=1), encoding="utf-8")
     files = (*files, LIGHT)
     remove_leftovers(project, before, files)
@@ -126,6 +134,7 @@ def appearance_project(bench: Workbench, progress: Progress = silent) -> Appeara
         "used": [name for name in cameras if name not in failed],
         "failed": failed,
         "light": light,
+        "to": to,
     }
     project.save_record(STAGE, None, record)
     project.save_hashes()
@@ -138,7 +147,7 @@ def _found(bench: Workbench, progress: Progress) -> tuple[VertexColors, Appearan
     from texproj.color.vertices import color_vertices  # noqa: PLC0415
 
     project = _with_chart(bench.project)
-    cameras, _ = usable_cameras(project)
+    photos = photo_set(project, usable_cameras(project)[0])
 
     def tell(done: int, total: int) -> None:
         progress("color", done, total, "")
@@ -146,13 +155,30 @@ def _found(bench: Workbench, progress: Progress) -> tuple[VertexColors, Appearan
     def tell_more(done: int, total: int) -> None:
         progress(STAGE, done, total, "")
 
-    options, checker = _blending(project.settings.color), checker_of(project)
-    photos = photo_set(project, cameras)
+    options, checker = _blending(project.settings.color, "vertices"), checker_of(project)
     colors = color_vertices(bench.mesh, photos, bench.renderer, options, checker, tell)
     told = colors.quality.get("checker")
     chart: Chart = "none" if told is None else "scale" if told["exposure_known"] else "tint"
     seen = colors.weight > 0
     return colors, natural_appearance(bench.mesh, colors.rgb, seen, chart, tell_more)
+
+
+def _texture(bench: Workbench, appearance: Appearance, progress: Progress) -> Texture:
+    """The texture of base colors."""
+    from texproj.appearance.texels import base_texture  # noqa: PLC0415 - slow to load
+    from texproj.color.texture import color_texture  # noqa: PLC0415
+
+    project = _with_chart(bench.project)
+    photos = photo_set(project, usable_cameras(project)[0])
+
+    def tell(done: int, total: int) -> None:
+        progress("texture", done, total, "")
+
+    colored = color_texture(
+        bench.mesh, photos, bench.renderer, _blending(project.settings.color, "texture"),
+        project.settings.unwrap, checker_of(project), tell,
+    )  # fmt: skip
+    return base_texture(bench.mesh, colored, appearance)
 
 
 def _with_chart(project: Project) -> Project:
@@ -164,9 +190,18 @@ def _with_chart(project: Project) -> Project:
     return project.with_settings(project.settings.with_table("color", changed))
 
 
-def _blending(options: ColorOptions) -> ColorOptions:
-    """The settings of color for what is wanted here: vertices, without highlights."""
-    return replace(options, to="vertices", highlight=max(options.highlight, HIGHLIGHT))
+def _blending(options: ColorOptions, to: Target) -> ColorOptions:
+    """The settings of color for what is wanted here: without highlights, and without rounding
+    where the light is weak.
+    """
+    return replace(options, to=to, bits=16, highlight=max(options.highlight, HIGHLIGHT))
+
+
+def _wanted(project: Project) -> tuple[ColorOptions, OutputOptions]:
+    """The settings of a lit, textured glb."""
+    color = replace(project.settings.color, to="texture", bits=8)
+    image = "png" if project.settings.output.image == "tiff" else project.settings.output.image
+    return color, replace(project.settings.output, models=("glb",), image=image, unlit=False)
 
 
 def light_facts(appearance: Appearance) -> dict[str, Any]:
@@ -187,10 +222,10 @@ def light_facts(appearance: Appearance) -> dict[str, Any]:
 
 
 def _write(
-    folder: Path, source: MeshSource, appearance: Appearance, stands: Standing
+    folder: Path, source: MeshSource, appearance: Appearance, plan: OutputPlan
 ) -> tuple[str, ...]:
-    """Write the models; returns the file names. The ply is the mesh as it was in its file; a vertex
-    that the repair dropped has confidence 0 there, and is mid-gray.
+    """Write the vertices; returns the file names. The ply is the mesh as it was in its file; a
+    vertex that the repair dropped has confidence 0 there, and is mid-gray.
     """
     base, known = appearance.base, appearance.confidence
     gray = np.full((1, 3), 0.5, np.float32)
@@ -208,8 +243,17 @@ def _write(
         np.concatenate([normals, np.zeros((1, 3))])[rows], values,
     )  # fmt: skip
     model = ColoredMesh(source.mesh.vertices, source.mesh.faces, base, normals)
-    write_colored_glb(folder / GLB, model, unlit=False, standing=stands)
+    write_colored_glb(folder / GLB, model, unlit=False, standing=plan.standing)
     return PLY, GLB
+
+
+def _write_texture(
+    folder: Path, bench: Workbench, texture: Texture, plan: OutputPlan
+) -> tuple[str, ...]:
+    """Write the textured model and its pages as images; returns the file names."""
+    models = write_texture(folder, bench.mesh, texture, plan)
+    images = write_pages(folder / BASE, texture.pages, "png")
+    return (*models, *(image.name for image in images))
 
 
 def appearance_wanted(project: Project) -> bool:
@@ -217,17 +261,25 @@ def appearance_wanted(project: Project) -> bool:
     return project.settings.light.kind != "none" or project.load_record(STAGE) is not None
 
 
-def appearance_freshness(project: Project) -> Freshness:
-    """Whether the appearance in out/ is what the project's inputs give."""
+def appearance_freshness(project: Project, to: Target | None = None) -> Freshness:
+    """Whether the appearance in out/ is what the project's inputs give. to: what is wanted; None =
+    what was made the last time.
+    """
     record = project.load_record(STAGE)
-    reason = changed_inputs(record, _inputs(project))
+    reason = changed_inputs(record, _inputs(project, to or _made(record)))
     if record is not None and not reason:
         reason = changed_outputs(project, record)
     return Freshness(STAGE, PLY, not reason, reason)
 
 
-def _inputs(project: Project) -> Inputs:
-    return {**options_inputs(project, VERSION, *SECTIONS), **seen_inputs(_with_chart(project))}
+def _made(record: dict[str, Any] | None) -> Target:
+    """What was made the last time."""
+    return "texture" if (record or {}).get("to") == "texture" else "vertices"
+
+
+def _inputs(project: Project, to: Target) -> Inputs:
+    seen = seen_inputs(_with_chart(project))
+    return {**options_inputs(project, VERSION, *SECTIONS), "to": to, **seen}
 
 
 def _outcome(project: Project, record: dict[str, Any], kept: bool) -> AppearanceOutcome:
