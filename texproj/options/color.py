@@ -60,7 +60,7 @@ class ColorOptions:
     """Difference from the other photos (square root of linear light, 1 = white) at which a sample
     counts half."""
 
-    preference: Annotated[float, Field(ge=0, le=8)] = 0.85
+    preference: Annotated[float, Field(ge=0, le=8), EXPERT] = 0.35
     """How strongly the best of the photos that agree is preferred: the power of its weight. Not
     used by the blend "mean", where it is 1."""
 
@@ -130,7 +130,7 @@ class OutputOptions:
     """The scan's upward axis, by which a glb is turned to stand upright (glTF has y upwards): a
     node turns it, coordinates stay the scan's, in obj and ply too. auto: upward in the photos."""
 
-    unit: Literal["auto", "m", "cm", "mm"] = "auto"
+    unit: Annotated[Literal["auto", "m", "cm", "mm"], EXPERT] = "auto"
     """The scan's unit, by which the same node scales a glb to metres; auto = as it is."""
 
     unlit: bool = True

@@ -9,7 +9,7 @@ from typing import Any
 
 from texproj.errors import InputError
 from texproj.project import Project
-from texproj.records import CameraRecord, Fit
+from texproj.records import DOUBTED, CameraRecord, Fit
 from texproj.stages.attending import PhotoFaultError, attended
 from texproj.stages.bench import Workbench
 from texproj.stages.entries import camera_hash, own_registration, start_of
@@ -43,7 +43,7 @@ from texproj.stages.wave import Evidence, Wave
 Names = tuple[str, ...]
 
 STANDS_APART = (
-    "shows nothing that the registered photos show; leave it out (`exclude`) or pick 4 points"
+    "shows nothing that the registered photos show; leave it out (`exclude`) or pick 8 points"
 )
 
 
@@ -76,8 +76,11 @@ def register_photos(
         run = _Run(bench, chosen, keeper, progress)
         run.keep()
         run.attend_alone()
-        if run.asked == AUTO and not run.registered:
-            run.attend_together(run.without_means, {})
+        if run.asked == AUTO:
+            run.keep_what_holds_again()
+            loose, registered = run.without_means, run.registered
+            if len(registered) < len(loose):  # few would vouch for many
+                run.attend_together(loose, registered)
         if run.asked in (AUTO, "features"):
             run.attend_through_others()
         if run.asked == AUTO and run.attend_together(run.newly_failed, run.registered):
@@ -112,7 +115,7 @@ class _Run:
         self.lineage = Lineage.of(self.project, self.entries)
         self.cameras, self.traces = dict(self.lineage.cameras), dict(self.lineage.traces)
         self.behind = Behind(self.entries.values())
-        registered = {n for n, entry in self.entries.items() if entry.registered_camera}
+        registered = {n for n, entry in self.entries.items() if entry.vouches}
         self.graph = load_graph(self.project)
         known = companions(self.project)
         self.near = Neighborhood(self.project.photo_names, registered, known)
@@ -130,7 +133,7 @@ class _Run:
     def registered(self) -> dict[str, CameraRecord]:
         """The photos through which others could be found."""
         known = {n: self.entries[n] for n in self.project.photo_names if n in self.entries}
-        return {n: entry for n, entry in known.items() if entry.registered_camera is not None}
+        return {n: entry for n, entry in known.items() if entry.vouches}
 
     @property
     def without_means(self) -> Names:
@@ -175,17 +178,32 @@ class _Run:
             if name in self.waiting:
                 self.keep_if_it_holds(name, self.lineage.alone[name])
 
+    def keep_what_holds_again(self) -> None:
+        """Settle photos whose registered ones were sought anew and are where they were."""
+        for name in self.lineage.order:
+            if name in self.waiting and self.through(name):
+                self.keep_if_it_holds(name, self.state(name))
+
     def attend_together(self, names: Names, anchors: Mapping[str, CameraRecord]) -> bool:
         """Place photos all at once; returns whether one was found."""
         searches = self.placed(names, anchors) if names else {}
         self.learn_companions()
         for name, found in searches.items():
             self.blocks[name] = names
-            if found.fit is not None or name in self.outcomes:
+            if name in anchors and found.fit is None:
+                self.doubt(name, found.reason)
+            elif found.fit is not None or name in self.outcomes:
                 self.attend(name, partial(_as_placed, self.continued(name, found)))
             else:
                 self.own[name] = found
         return any(found.fit is not None and found.fit.accepted for found in searches.values())
+
+    def doubt(self, name: str, reason: str) -> None:
+        """The photo stays registered, but others do not bear it out: none is sought through it."""
+        entry, trace = self.entries[name], self.traces[name]
+        record = replace(entry, quality={**entry.quality, DOUBTED: True, "reason": reason})
+        self.settle(PhotoOutcome(name, record, False, reason))
+        self.keeper.add(record, trace or Trace(self.asked, (), (), {}))
 
     def continued(self, name: str, found: Search) -> Search:
         """A search after what was tried of the photo before."""
@@ -266,7 +284,7 @@ class _Run:
             if own.fit is not None:
                 return own
             self.own[job.name] = own
-        if not job.has_means and self.graph.stands_apart(job.name, self.registered):
+        if not job.has_means and self.graph.stands_apart(job.name, self.near.registered):
             return Search(None, (STANDS_APART,), ("features",))
         self.places[job.name] = {*(before or ()), *list(job.neighbors)[:NEAREST]}
         return search_by_others(job, own.reason if own.tried else "", before)
@@ -313,7 +331,7 @@ class _Run:
         self.shaken.discard(name)
         self.cameras[name] = camera_hash(own_registration(record))
         self.behind.put(record)
-        (self.near.add if record.registered_camera else self.near.remove)(name)
+        (self.near.add if record.vouches else self.near.remove)(name)
 
     def keep_trace(self, record: CameraRecord, tried: tuple[str, ...], around: Names) -> None:
         """Write an entry and what it was made from."""
@@ -359,7 +377,8 @@ def _record(job: Job, found: Search, why: dict[str, Any]) -> CameraRecord:
     """The entry that a search makes."""
     start = job.start
     if start is not None:
-        start = replace(start, extra={}, refinement=None)
+        status = "prior" if start.status == "registered" else start.status
+        start = replace(start, status=status, extra={}, refinement=None)
     if found.fit is None:
         quality = {"reason": found.reason, **why}
         return failed_record(job.project, job.name, start, quality)
