@@ -106,7 +106,6 @@ def test_the_texture_shows_the_paint(finished):
     assert outcome.color.quality["seen"] > 0.85
     assert np.median(close) < 14
     assert gain.min() > 0.6 and gain.max() < 1.6
-    # the visitor's coat stays where only that photo sees the niche
     assert np.corrcoef(made[:, 2], truth[:, 2])[0, 1] > 0.85
 
 

@@ -188,13 +188,17 @@ class Project:
         """What the photo's header says. Raises InputError."""
         return read_photo_info(self.photo_path(name), self.settings.largest_photo_mp)
 
-    def load_photo(self, name: str, longest: int | None = None) -> Photo:
-        """The upright photo with its mask, its longer side reduced to `longest` if it is larger."""
+    def load_photo(self, name: str, longest: int | None = None, cut: bool = False) -> Photo:
+        """The upright photo with its mask, its longer side reduced to `longest` if it is larger.
+        cut: what stands in front of the piece (`occluder_path`) is masked too.
+        """
         path = self.photo_path(name)
+        found = self.mask_path(name), self.occluder_path(name) if cut else None
+        masks = [mask for mask in found if mask is not None and mask.is_file()]
         largest_mp = self.settings.largest_photo_mp
         info = read_photo_info(path, largest_mp)
         develop = self.settings.develop
-        return read_photo(path, info, self.mask_path(name), longest, largest_mp, develop)
+        return read_photo(path, info, masks, longest, largest_mp, develop)
 
     def load_thumbnail(self, name: str, longest: int) -> Photo:
         """A small picture of the photo for lists: of a RAW file the camera's own if it has one."""
@@ -322,6 +326,10 @@ class Project:
         with staging(folder):
             pass
         return folder / "features.db"
+
+    def occluder_path(self, name: str) -> Path:
+        """The mask of what stands in front of the piece in a photo, where there is such a thing."""
+        return self.work / "occluders" / f"{Path(name).stem}.png"
 
     def load_array(self, key: str) -> NDArray[Any] | None:
         """The array cached under `key`, None if there is none."""

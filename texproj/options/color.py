@@ -30,6 +30,10 @@ class ColorOptions:
     clipped_weight: Annotated[Fraction, EXPERT] = 0.2
     """Weight of samples where the photo is over-exposed; 1 = as good as any."""
 
+    occluders: bool = True
+    """Leave out what stands in front of the piece in single photos: found where the other photos
+    contradict, cut out whole, kept as a mask in work/occluders/ that can be edited."""
+
     focus_power: Annotated[float, Field(ge=0, le=8)] = 2.0
     """How strongly blurred parts of photos are distrusted: the power of their energy of fine detail
     against that of the other photos; 0 = not looked at. By "multi-band" only in their detail."""
