@@ -73,7 +73,7 @@ def synthetic(kind: str, weather: str, photos: int, samples: int) -> None:
         print(f"sun {angle_deg(light.to_sun, made.light.to_sun):.2f} degrees off")
     else:
         print("no sun")
-    print(f"{1e6 * seconds / len(seen):.0f} s of CPU per million points")
+    print(f"{seconds:.1f} s of CPU for {len(seen)} points")
     for name, rgb in (("blend", colors.rgb), ("base", found.base)):
         one = off(rgb[seen], made.albedo[seen], False)
         tint = off(rgb[seen], made.albedo[seen], True)
