@@ -179,11 +179,11 @@ def test_paint_without_light_is_refused():
     assert "cannot be told from the paint" in found.reason
     assert (found.base == np.clip(albedo, 0, 1)).all()
     assert found.light is None
-    assert not found.confidence.any()
+    assert found.confidence.max() == pytest.approx(0.1)
 
 
 def test_a_little_that_is_seen_is_refused():
-    """A light has 30 numbers."""
+    """A light has 30 numbers; what is all but black tells none either."""
     mesh, _, rgb = lit(CLOUDY)
     seen = np.arange(len(rgb)) < 100
 
@@ -191,6 +191,20 @@ def test_a_little_that_is_seen_is_refused():
 
     assert not found.accepted
     assert "register more photos" in found.reason
+
+    found = natural_appearance(mesh, rgb * np.float32(0.003), all_seen(mesh))
+    assert not found.accepted
+    assert "too dark" in found.reason
+
+
+def test_a_closed_room_has_no_sky():
+    """Nothing falls over where no ray leaves; colors that need no light are refused."""
+    mesh, albedo, _ = lit(CLOUDY)
+    inside = Mesh(mesh.vertices, mesh.faces[:, ::-1])
+
+    found = natural_appearance(inside, albedo, all_seen(mesh))
+
+    assert np.isfinite(found.base).all()
 
 
 def test_a_chart_fixes_tint_and_scale():
@@ -257,6 +271,18 @@ def texels_are_vertices(model, vertex):
     texels, vertices = found[seen] @ LUMINANCE, base[place][seen] @ LUMINANCE
     assert np.median(texels / vertices) == pytest.approx(1, abs=0.05)
     assert np.corrcoef(texels, vertices)[0, 1] > 0.8
+
+
+def test_a_chart_that_is_not_there_is_named(project_folder, capsys):
+    """With its path and the key that says so; nothing is written."""
+    with (project_folder / "project.toml").open("a") as file:
+        file.write('[light]\ngray = "chart.jpg"\n')
+
+    assert main(["appearance", str(project_folder)]) == 2
+
+    said = capsys.readouterr().err
+    assert "chart.jpg; correct `gray` in [light]" in said
+    assert not (project_folder / "out").exists()
 
 
 def test_status_tells_what_changed(project_folder, capsys):

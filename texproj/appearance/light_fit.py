@@ -38,6 +38,9 @@ RIDGE = 1e-3
 """Pull of the harmonics above the constant one to 0, as a part of the points: what points in few
 directions do not tell stays small."""
 
+NO_LIGHT = 1e-9
+"""The same for all: where no point sees any of a light, as in a closed room, there is none."""
+
 MEAN_ALBEDO = 0.35
 """What the mean of the surface is taken for where nothing tells: stone, wood, skin, soil."""
 
@@ -211,6 +214,6 @@ def _ridge(columns: Doubles, wanted: Doubles, indirect: Doubles, before: Doubles
     off = np.log(np.maximum(wanted, 1e-4) / before)
     weight = 1 / (1 + (off / LOSS_SCALE) ** 2) * (before.mean() / before) ** 2
     left = columns * weight[:, None]
-    pull = np.zeros(columns.shape[1])
+    pull = np.full(columns.shape[1], NO_LIGHT * len(wanted))
     pull[1:9] = RIDGE * len(wanted) * (np.pi * 0.28) ** 2
     return np.linalg.solve(columns.T @ left + np.diag(pull), left.T @ (wanted - indirect))

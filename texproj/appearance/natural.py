@@ -30,7 +30,7 @@ FITTED = 6000
 """Points by which the light is found: it has 30 numbers."""
 
 FEWEST = 400
-"""Fewer points that are seen tell no light."""
+"""Fewer points of known color tell no light; a quarter of them in each half."""
 
 DARK, CLIPPED = 2e-3, 0.9
 """Linear light between which a color is known."""
@@ -45,10 +45,16 @@ SUNS_APART_DEG = 5.0
 OFF_HALF = 0.3
 """Difference (log) from the paint's usual albedo at which confidence is a half."""
 
+REFUSED = np.float32(0.1)
+"""Confidence of colors from which no light was taken."""
+
 CHUNK = 1 << 16
 """Vertices at a time."""
 
 FEW = "too little of the surface is seen to tell its light: register more photos"
+BADLY_EXPOSED = (
+    "most of the surface is too dark or overexposed in the photos to tell its light: expose it anew"
+)
 
 Progress = Callable[[int, int], None]
 Chart = Literal["none", "tint", "scale"]
@@ -82,9 +88,11 @@ def natural_appearance(
     """
     caster = LightCaster(mesh, rgb)
     chosen = _chosen(mesh, rgb, seen)
-    if len(chosen) < FEWEST:
-        return _refused(rgb, seen, FEW, None)
-    found = _found(caster, mesh, rgb, chosen)
+    half = halves(caster.xyz[chosen], mesh.diagonal)
+    if min(half.sum(), (~half).sum()) < FEWEST / 4:
+        few = np.count_nonzero(seen) < 2 * FEWEST
+        return _refused(rgb, seen, FEW if few else BADLY_EXPOSED, None)
+    found = _found(caster, rgb, chosen, half)
     if not found.verdict.accepted:
         return _refused(rgb, seen, found.verdict.refusal, found.verdict)
     factor = _factor(found, chart)
@@ -99,9 +107,8 @@ def natural_appearance(
 
 
 def _refused(rgb: Floats, seen: Bools, reason: str, verdict: Verdict | None) -> Appearance:
-    base = np.clip(rgb, 0, 1)
-    none = np.zeros(len(seen), np.float32)
-    return Appearance(base, None, none, None, False, reason, False, verdict)
+    base, little = np.clip(rgb, 0, 1), np.where(seen, REFUSED, np.float32(0))
+    return Appearance(base, None, little, None, False, reason, False, verdict)
 
 
 def _chosen(mesh: Mesh, rgb: Floats, seen: Bools) -> Index:
@@ -115,10 +122,9 @@ def _chosen(mesh: Mesh, rgb: Floats, seen: Bools) -> Index:
     return np.sort(np.random.default_rng(0).choice(rows, FITTED, replace=False, p=part))
 
 
-def _found(caster: LightCaster, mesh: Mesh, rgb: Floats, chosen: Index) -> _Found:
+def _found(caster: LightCaster, rgb: Floats, chosen: Index, half: Bools) -> _Found:
     """The light that explains the chosen vertices best: a sky, with a sun where there is one."""
     points = LitPoints(rgb[chosen].astype(np.float64), caster.transfer(chosen))
-    half = halves(caster.xyz[chosen], mesh.diagonal)
     sky = fit_light(points)
     to_sun, lit = find_sun(caster, chosen, points, sky)
     sunny = fit_light(lit, sky)

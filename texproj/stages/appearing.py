@@ -112,6 +112,7 @@ def appearance_project(
     to = to or _made(before)
     if before is not None and appearance_freshness(project, to).fresh:
         return _outcome(project, before, kept=True)
+    _check_chart(project)
     inputs = _inputs(project, to)
     cameras, failed = usable_cameras(project)
     plan = output_plan(*_wanted(project), tuple(cameras.values()))
@@ -179,6 +180,14 @@ def _texture(bench: Workbench, appearance: Appearance, progress: Progress) -> Te
         project.settings.unwrap, checker_of(project), tell,
     )  # fmt: skip
     return base_texture(bench.mesh, colored, appearance)
+
+
+def _check_chart(project: Project) -> None:
+    """Raise InputError where [light] names a chart that is not there."""
+    gray = project.settings.light.gray
+    if gray is not None and not (project.root / gray).is_file():
+        path = project.root / gray
+        raise InputError(f"no photo of a color chart at {path}; correct `gray` in [light]")
 
 
 def _with_chart(project: Project) -> Project:
