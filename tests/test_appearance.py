@@ -21,6 +21,7 @@ from texproj.cli import main
 from texproj.color.checker.fit import lab_of_srgb
 from texproj.demo.light import Lighting
 from texproj.demo.make import colors_on
+from texproj.demo.noise import noise
 from texproj.demo.object import carved, piece, scanned
 from texproj.demo.pattern import painted
 from texproj.demo.photographer import set_up
@@ -180,6 +181,18 @@ def test_paint_without_light_is_refused():
     assert (found.base == np.clip(albedo, 0, 1)).all()
     assert found.light is None
     assert found.confidence.max() == pytest.approx(0.1)
+
+
+def test_a_stain_is_not_taken_for_light():
+    """Paint of one hue that fades over the whole piece looks lit, but not nearby."""
+    mesh, _, _ = lit(CLOUDY)
+    fading = 0.35 * np.exp(0.35 * noise(mesh.vertices.astype(np.float32), 1.6, 3, 2.0))
+    rgb = fading[:, None] * np.array([1, 0.9, 0.8], np.float32)
+
+    found = natural_appearance(mesh, rgb, all_seen(mesh))
+
+    assert not found.accepted
+    assert found.verdict.gain_db > 1
 
 
 def test_a_little_that_is_seen_is_refused():

@@ -20,7 +20,7 @@ from texproj.appearance.light_fit import (
 from texproj.appearance.outcome import Appearance, NaturalLight
 from texproj.appearance.sun import angle_deg, find_sun, spiral
 from texproj.appearance.transfer import SUN_RAYS, LightCaster
-from texproj.appearance.verdict import Verdict, halves, judged
+from texproj.appearance.verdict import Places, Verdict, judged
 from texproj.arrays import Bools, Doubles, Floats, Index
 from texproj.color.filling.vertices import fill_vertices
 from texproj.mesh import Mesh, face_areas
@@ -88,11 +88,11 @@ def natural_appearance(
     """
     caster = LightCaster(mesh, rgb)
     chosen = _chosen(mesh, rgb, seen)
-    half = halves(caster.xyz[chosen], mesh.diagonal)
-    if min(half.sum(), (~half).sum()) < FEWEST / 4:
+    places = Places.of(caster.xyz[chosen], mesh.diagonal)
+    if min(places.half.sum(), (~places.half).sum()) < FEWEST / 4:
         few = np.count_nonzero(seen) < 2 * FEWEST
         return _refused(rgb, seen, FEW if few else BADLY_EXPOSED, None)
-    found = _found(caster, rgb, chosen, half)
+    found = _found(caster, rgb, chosen, places)
     if not found.verdict.accepted:
         return _refused(rgb, seen, found.verdict.refusal, found.verdict)
     factor = _factor(found, chart)
@@ -122,15 +122,17 @@ def _chosen(mesh: Mesh, rgb: Floats, seen: Bools) -> Index:
     return np.sort(np.random.default_rng(0).choice(rows, FITTED, replace=False, p=part))
 
 
-def _found(caster: LightCaster, rgb: Floats, chosen: Index, half: Bools) -> _Found:
+def _found(caster: LightCaster, rgb: Floats, chosen: Index, places: Places) -> _Found:
     """The light that explains the chosen vertices best: a sky, with a sun where there is one."""
     points = LitPoints(rgb[chosen].astype(np.float64), caster.transfer(chosen))
     sky = fit_light(points)
     to_sun, lit = find_sun(caster, chosen, points, sky)
     sunny = fit_light(lit, sky)
-    if sunny.spread <= (1 - SUN_GAIN) * sky.spread and _same_sun(caster, chosen, points, half, sky):
-        return _Found(sunny, lit, to_sun, judged(lit, half, sky))
-    return _Found(sky, points, None, judged(points, half, sky))
+    if sunny.spread <= (1 - SUN_GAIN) * sky.spread and _same_sun(
+        caster, chosen, points, places.half, sky
+    ):
+        return _Found(sunny, lit, to_sun, judged(lit, places, sky))
+    return _Found(sky, points, None, judged(points, places, sky))
 
 
 def _same_sun(
