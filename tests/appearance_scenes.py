@@ -78,6 +78,7 @@ def natural_set(
     weather: Weather,
     photos: int = 12,
     samples: int = 16,
+    gold: bool = False,
     seed: int = 3,
 ) -> Set:
     """One set; deterministic but for the renderer's rounding."""
@@ -87,12 +88,12 @@ def natural_set(
     made = piece(kind, seed)
     true = carved(made, 120_000)
     scan = scanned(made, 40_000, 0.0004, seed)
-    pattern = painted(seed)
+    pattern = _gold if gold else painted(seed)
     light = DAYS[weather]
     scene = mi.load_dict({
         "type": "scene",
         "integrator": {"type": "path", "max_depth": DEPTH},
-        "piece": _shape(mi, true, pattern(true.vertices.astype(np.float32))),
+        "piece": _shape(mi, true, pattern(true.vertices.astype(np.float32)), gold),
         "sky": {"type": "envmap", "bitmap": mi.Bitmap(sky_image(light)), "scale": 1.0},
     })  # fmt: skip
     cameras, pictures = {}, {}
@@ -141,14 +142,18 @@ def sky_image(light: Light) -> Floats:
     return radiance.astype(np.float32)
 
 
-def _shape(mi: Any, mesh: Mesh, albedo: Floats) -> Any:
+def _gold(xyz: Floats) -> Floats:
+    return np.tile(np.array([0.9, 0.65, 0.3], np.float32), (len(xyz), 1))
+
+
+def _shape(mi: Any, mesh: Mesh, albedo: Floats, metal: bool) -> Any:
     properties = mi.Properties()
     properties["bsdf"] = mi.load_dict({
         "type": "twosided",
         "inner": {
             "type": "principled",
             "base_color": {"type": "mesh_attribute", "name": "vertex_color"},
-            "roughness": 0.7, "specular": 0.5, "metallic": 0.0,
+            "roughness": 0.4 if metal else 0.7, "specular": 0.5, "metallic": float(metal),
         },
     })  # fmt: skip
     shape = mi.Mesh("piece", len(mesh.vertices), len(mesh.faces), props=properties)

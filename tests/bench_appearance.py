@@ -56,9 +56,9 @@ def off(found, truth, tint_known):
     return min(tried, key=np.median)
 
 
-def synthetic(kind: str, weather: str, photos: int, samples: int) -> None:
+def synthetic(kind: str, weather: str, photos: int, samples: int, gold: bool) -> None:
     """One line of the table for the blend and one for the base color."""
-    made: Set = natural_set(kind, weather, photos, samples=samples)
+    made: Set = natural_set(kind, weather, photos, samples, gold)
     cameras = list(made.cameras.values())
     shots = [Photo(PhotoInfo(n, *x.shape[1::-1]), x) for n, x in made.photos.items()]
     colors = blended(made.mesh, photos_of(cameras, shots))
@@ -67,6 +67,7 @@ def synthetic(kind: str, weather: str, photos: int, samples: int) -> None:
     seconds = time.process_time() - start
     seen = colors.photo_count >= 3
     cavity = ambient_occlusion(made.mesh)[seen] < CAVITY
+    sure = found.confidence[seen] >= np.median(found.confidence[seen])
     print(f"\n{kind}, {weather}: {found.reason or 'accepted'} {found.verdict}")
     light = found.light
     if light is not None and light.to_sun is not None:
@@ -81,6 +82,7 @@ def synthetic(kind: str, weather: str, photos: int, samples: int) -> None:
         print(
             f"{name:6} one scale {np.median(one):5.2f} / {p90[0]:5.2f}   tint known"
             f" {np.median(tint):5.2f} / {p90[1]:5.2f}   cavities {np.median(tint[cavity]):5.2f}"
+            f"   surer half {np.median(tint[sure]):5.2f}"
         )
 
 
@@ -104,6 +106,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--photos", type=int, default=12)
     parser.add_argument("--samples", type=int, default=16)
+    parser.add_argument("--gold", action="store_true", help="metal, which it is not made for")
     parser.add_argument("--real", type=Path, nargs="*", default=[])
     asked = parser.parse_args()
     for root in asked.real:
@@ -111,7 +114,7 @@ def main() -> None:
     if not asked.real:
         for kind in ("stele", "capital"):
             for weather in ("sun", "cloudy"):
-                synthetic(kind, weather, asked.photos, asked.samples)
+                synthetic(kind, weather, asked.photos, asked.samples, asked.gold)
 
 
 if __name__ == "__main__":
