@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from texproj.stages.appearing import appearance_project
     from texproj.stages.bench import Workbench
     from texproj.stages.coloring import color_project
+    from texproj.stages.partners import partners
     from texproj.stages.refining import refine_project
     from texproj.stages.registering import register_photos
     from texproj.stages.reporting import report_project
@@ -43,6 +44,7 @@ _HOMES = {
     "create_project": "texproj.creation",
     "Workbench": "texproj.stages.bench",
     "register_photos": "texproj.stages.registering",
+    "partners": "texproj.stages.partners",
     "refine_project": "texproj.stages.refining",
     "appearance_project": "texproj.stages.appearing",
     "color_project": "texproj.stages.coloring",
@@ -65,6 +67,7 @@ __all__ = [
     "appearance_project",
     "color_project",
     "create_project",
+    "partners",
     "project_status",
     "refine_project",
     "register_photos",

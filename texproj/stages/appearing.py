@@ -27,8 +27,10 @@ from texproj.stages.coloring import (
     usable_cameras,
 )
 from texproj.stages.freshness import Freshness, Inputs, changed_inputs, options_inputs
+from texproj.stages.occluding import keep_occluders
 from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
+from texproj.stages.provenance import provenance_of
 from texproj.stages.writing import OutputPlan, output_plan, write_texture
 
 if TYPE_CHECKING:
@@ -113,14 +115,17 @@ def appearance_project(
     if before is not None and appearance_freshness(project, to).fresh:
         return _outcome(project, before, kept=True)
     _check_chart(project)
-    inputs = _inputs(project, to)
     cameras, failed = usable_cameras(project)
+    keep_occluders(bench, cameras, progress)
+    inputs = _inputs(project, to)
     plan = output_plan(*_wanted(project), tuple(cameras.values()))
     colors, appearance = _found(bench, progress)
     failed |= colors.failed
     if not set(cameras) - set(failed):
         raise InputError(f"no photo could be read: {'; '.join(failed.values())}")
     light = light_facts(appearance)
+    used = [name for name in cameras if name not in failed]
+    plan = replace(plan, provenance=provenance_of(project, used))
     with staging(project.out) as folder:
         files = _write(folder, bench.source, appearance, plan)
         if to == "texture":
@@ -132,7 +137,7 @@ def appearance_project(
     record = {
         "inputs": inputs,
         "outputs": {name: project.hash_of(project.out / name) for name in files},
-        "used": [name for name in cameras if name not in failed],
+        "used": used,
         "failed": failed,
         "light": light,
         "to": to,
@@ -249,10 +254,10 @@ def _write(
     write_ply(
         folder / PLY, source.source_vertices, source.source_faces,
         np.round(srgb_from_linear(rgb) * 255).astype(np.uint8),
-        np.concatenate([normals, np.zeros((1, 3))])[rows], values,
+        np.concatenate([normals, np.zeros((1, 3))])[rows], plan.provenance.lines, values,
     )  # fmt: skip
     model = ColoredMesh(source.mesh.vertices, source.mesh.faces, base, normals)
-    write_colored_glb(folder / GLB, model, unlit=False, standing=plan.standing)
+    write_colored_glb(folder / GLB, model, False, plan.standing, plan.provenance)
     return PLY, GLB
 
 

@@ -45,6 +45,7 @@ Names = tuple[str, ...]
 STANDS_APART = (
     "shows nothing that the registered photos show; leave it out (`exclude`) or pick 8 points"
 )
+TOO_FEW = "a block needs three photos or more that overlap"
 
 
 def _block(
@@ -81,6 +82,8 @@ def register_photos(
             loose, registered = run.without_means, run.registered
             if len(registered) < len(loose):  # few would vouch for many
                 run.attend_together(loose, registered)
+        if run.asked == "block":
+            run.attend_as_block()
         if run.asked in (AUTO, "features"):
             run.attend_through_others()
         if run.asked == AUTO and run.attend_together(run.newly_failed, run.registered):
@@ -192,11 +195,20 @@ class _Run:
             self.blocks[name] = names
             if name in anchors and found.fit is None:
                 self.doubt(name, found.reason)
-            elif found.fit is not None or name in self.outcomes:
+            elif found.fit is not None or name in self.outcomes or self.asked == "block":
                 self.attend(name, partial(_as_placed, self.continued(name, found)))
             else:
                 self.own[name] = found
         return any(found.fit is not None and found.fit.accepted for found in searches.values())
+
+    def attend_as_block(self) -> None:
+        """Place all photos without an outcome at once, since that was asked for."""
+        names = tuple(name for name in self.chosen if name in self.waiting)
+        anchors = {n: entry for n, entry in self.registered.items() if n not in self.waiting}
+        self.attend_together(names, anchors)
+        for name in names:
+            if name in self.waiting:
+                self.attend(name, partial(_as_placed, Search(None, (TOO_FEW,), ("block",))))
 
     def doubt(self, name: str, reason: str) -> None:
         """The photo stays registered, but others do not bear it out: none is sought through it."""
@@ -231,7 +243,7 @@ class _Run:
 
     def attend_alone(self) -> None:
         """Photo by photo, by the method that was asked for or by the photo's own means."""
-        if self.asked == "features":
+        if self.asked in ("features", "block"):
             return
         for name in self.chosen if self.asked == AUTO else self.lineage.order:
             if name not in self.waiting:

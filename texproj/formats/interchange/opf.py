@@ -26,6 +26,7 @@ from texproj.formats.interchange.model import (
     SizeOf,
     Unusable,
     Written,
+    beyond_k3,
     five,
     left_out,
     lens,
@@ -131,7 +132,7 @@ def write_opf(shots: Sequence[Shot]) -> Written:
 def _parts(path: Path) -> dict[str, Path]:
     """The files of a project by what they hold."""
     content = read_object(path)
-    kind = content.get("format")
+    kind = str(content.get("format"))
     if kind != PROJECT and kind not in ITEMS:
         raise InputError(f"{path}: not a file of the Open Photogrammetry Format")
     if kind != PROJECT:
@@ -276,5 +277,5 @@ def _internals(k: Intrinsics) -> dict[str, Any]:
 
 
 def _lost(k: Intrinsics) -> str:
-    higher = {f"dist[{i}]": v for i, v in enumerate(k.dist) if i > 4}
+    higher = beyond_k3(k)
     return sentences([left_out({"fx - fy": k.fx - k.fy, **higher})])
