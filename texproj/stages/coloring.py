@@ -107,7 +107,7 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
     made_by = provenance_of(project, used)
     with staging(project.out) as folder:
         files = write(folder, replace(plan, provenance=made_by))
-    _remove_leftovers(project, before, files)
+    remove_leftovers(project, before, files)
     record = {
         "inputs": inputs,
         "outputs": {name: project.hash_of(project.out / name) for name in files},
@@ -125,7 +125,7 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
     return _outcome(project, record, kept=False)
 
 
-def _remove_leftovers(project: Project, before: Any, files: tuple[str, ...]) -> None:
+def remove_leftovers(project: Project, before: Any, files: tuple[str, ...]) -> None:
     """Delete what the run before wrote and this one did not, unless somebody changed it since."""
     for name, known in (before or {}).get("outputs", {}).items():
         path = project.out / Path(name).name
@@ -147,10 +147,15 @@ def color_freshness(project: Project) -> Freshness:
         faults = [n for n, why in record.get("failed", {}).items() if why in (INTERNAL, NO_MEMORY)]
         reason = f"{', '.join(faults)} met an internal fault, which may be gone" if faults else ""
     if record is not None and not reason:
-        written = record.get("outputs", {})
-        gone = [n for n, known in written.items() if project.hash_of(project.out / n) != known]
-        reason = f"{', '.join(gone)} changed or missing in {project.out}" if gone else ""
+        reason = changed_outputs(project, record)
     return Freshness(STAGE, project.settings.color.to, not reason, reason)
+
+
+def changed_outputs(project: Project, record: Mapping[str, Any]) -> str:
+    """Which files that a stage wrote are not as it wrote them; empty if all are."""
+    written = record.get("outputs", {})
+    gone = [n for n, known in written.items() if project.hash_of(project.out / n) != known]
+    return f"{', '.join(gone)} changed or missing in {project.out}" if gone else ""
 
 
 def usable_cameras(project: Project) -> tuple[dict[str, Camera], dict[str, str]]:
@@ -240,10 +245,14 @@ def _texture(
 
 
 def _inputs(project: Project) -> Inputs:
+    return {**options_inputs(project, VERSION, *SECTIONS), **seen_inputs(project)}
+
+
+def seen_inputs(project: Project) -> Inputs:
+    """Mesh, color chart, photos, masks and cameras: all that colors are made from but settings."""
     chart = checker_path(project)
     records = {n: r for n, r in project.load_cameras().items() if n in project.photo_paths}
     return {
-        **options_inputs(project, VERSION, *SECTIONS),
         **file_inputs(project, mesh=project.mesh_path),
         **({"color chart": project.hash_of(chart) or "none"} if chart else {}),
         **{k: v for n, r in records.items() for k, v in _photo_inputs(project, n, r).items()},
