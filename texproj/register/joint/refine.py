@@ -223,8 +223,7 @@ class _Joint:
             systematic_px = SYSTEMATIC_PX / self.working_scale(longest)
             covariance = fit.covariance(max(fit.scatter2, 0.1) * TIE_CORRELATION)
             for k in tied:
-                block = covariance[6 * k : 6 * k + 6, 6 * k : 6 * k + 6]
-                spread = _spread_px(cameras[k], self.points[k], block)
+                spread = self._spread_px(k, cameras[k], covariance)
                 error[k] = 0.0 if self.fixed[k] else float(np.hypot(spread, systematic_px[k]))
             quality["focal_px"] = [round(c.intrinsics.fx, 2) for c in cameras]
             motion = np.where(
@@ -232,6 +231,20 @@ class _Joint:
             )
             quality["ties"] = len(fit.residual)
         return Refined(cameras, {}, tied, error, motion, quality)
+
+    def _spread_px(self, k: int, camera: Camera, covariance: Doubles) -> float:
+        """Root mean square image deviation of the surface in photo k under the covariance of its
+        pose and its lens, which trade with each other; infinite where that says nothing.
+        """
+        lens, names = self.lenses.columns[k], self.lenses.names
+        own = np.concatenate([6 * k + np.arange(6), 6 * len(self.given) + lens])
+        block = covariance[np.ix_(own, own)]
+        if not np.isfinite(block).all():
+            return float("inf")
+        jacobian = projection_jacobian(camera, self.points[k], names)
+        jacobian[:, :, 6:] *= self.lenses.free[lens]
+        variance = jacobian @ block @ jacobian.transpose(0, 2, 1)
+        return float(np.sqrt(np.trace(variance, axis1=1, axis2=2).mean()))
 
     def _anchors(self) -> Anchors:
         count = np.array([len(p) for p in self.points])
@@ -265,14 +278,3 @@ def _with_unconfirmed(
     thrown_out = {**unconfirmed, **{kept[k]: why for k, why in rest.thrown_out.items()}}
     tied = tuple(kept[k] for k in rest.tied)
     return Refined(tuple(cameras), thrown_out, tied, error, motion, rest.quality)
-
-
-def _spread_px(camera: Camera, points: Doubles, covariance: Doubles) -> float:
-    """Root mean square image deviation of the surface under the pose's covariance; infinite where
-    that says nothing.
-    """
-    if not np.isfinite(covariance).all():
-        return float("inf")
-    jacobian = projection_jacobian(camera, points)
-    variance = jacobian @ covariance @ jacobian.transpose(0, 2, 1)
-    return float(np.sqrt(np.trace(variance, axis1=1, axis2=2).mean()))
