@@ -44,6 +44,12 @@ class Ties:
         return Ties(*(getattr(self, name)[where] for name in self.__dataclass_fields__))
 
     @classmethod
+    def none(cls) -> Ties:
+        """No tie at all."""
+        number, pixel, point = np.zeros(0, np.intp), np.zeros((0, 2)), np.zeros((0, 3))
+        return cls(number, number, pixel, pixel, pixel, point, point)
+
+    @classmethod
     def joined(cls, parts: Sequence[Ties]) -> Ties:
         """All ties of several sets."""
         names = cls.__dataclass_fields__
@@ -108,9 +114,10 @@ class JointPoses:
             rows = (self.ties.to == i) & (self.ties.source == j)
             by_point = own[rows][:, :, 3:6] @ cameras[i].pose.R
             other[rows] = by_point @ self._point_jacobian(cameras[j], rows)
-        whole = self._scattered(own, self.ties.to) + self._scattered(other, self.ties.source)
-        weight = np.repeat(1 / self.sigma_px[self.ties.to], 2)
-        return sparse.csr_matrix(sparse.diags(weight) @ whole)
+        sigma = self.sigma_px[self.ties.to][:, None, None]
+        own /= sigma
+        other /= sigma
+        return self._scattered(own, self.ties.to) + self._scattered(other, self.ties.source)
 
     def step(self, cameras: Cameras, delta: Doubles) -> Cameras:
         """Each pose moved by its six numbers, each lens by its own."""
@@ -188,10 +195,10 @@ class JointPoses:
         free = np.concatenate([free, self.lenses.free[lens]], axis=1)
         columns = camera[:, None] * 6 + np.arange(6)
         columns = np.concatenate([columns, 6 * len(self.fixed) + lens], axis=1)
-        rows = np.repeat(np.arange(2 * n), width)
-        columns = np.repeat(columns[:, None], 2, axis=1)
+        indices = np.repeat(columns.astype(np.int32)[:, None], 2, axis=1).ravel()
+        starts = np.arange(0, 2 * n * width + 1, width, dtype=np.int32)
         shape = (2 * n, 6 * len(self.fixed) + self.lenses.count)
-        return sparse.csr_matrix(((blocks * free[:, None]).ravel(), (rows, columns.ravel())), shape)
+        return sparse.csr_matrix(((blocks * free[:, None]).ravel(), indices, starts), shape)
 
 
 def _cross_matrices(v: Doubles) -> Doubles:
