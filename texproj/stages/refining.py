@@ -33,8 +33,8 @@ from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
 
 if TYPE_CHECKING:
-    from texproj.register.joint.outcome import Refined
     from texproj.register.joint.refine import Tell
+    from texproj.register.joint.refined import Refined
 
 STAGE = "refine"
 VERSION = 3

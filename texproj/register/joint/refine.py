@@ -25,9 +25,9 @@ from texproj.register.joint.lone import (
     sought_again,
     unconfirmed,
 )
-from texproj.register.joint.outcome import Refined, Solved
 from texproj.register.joint.overlap import choose_partners, shared_views
 from texproj.register.joint.patches import Density
+from texproj.register.joint.refined import Refined, Solved
 from texproj.register.joint.search import Level, Pair, TieFinder
 from texproj.register.joint.session import Cameras, LoadPhoto, anchor_points
 from texproj.register.joint.ties import TieSearch
