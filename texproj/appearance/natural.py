@@ -17,7 +17,7 @@ from texproj.appearance.light_fit import (
     LitPoints,
     fit_light,
 )
-from texproj.appearance.outcome import Appearance, NaturalLight
+from texproj.appearance.recovered import Appearance, NaturalLight
 from texproj.appearance.sun import angle_deg, find_sun, spiral
 from texproj.appearance.transfer import SUN_RAYS, LightCaster
 from texproj.appearance.verdict import Places, Verdict, judged

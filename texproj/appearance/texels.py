@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from texproj.appearance.light_fit import LEAST_LIGHT
 from texproj.appearance.natural import base_color
-from texproj.appearance.outcome import Appearance, NaturalLight
+from texproj.appearance.recovered import Appearance, NaturalLight
 from texproj.appearance.transfer import SUN_RAYS, LightCaster
 from texproj.arrays import Floats
 from texproj.color.filling.gutters import fill_page

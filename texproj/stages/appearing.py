@@ -35,7 +35,7 @@ from texproj.stages.writing import OutputPlan, output_plan, write_texture
 
 if TYPE_CHECKING:
     from texproj.appearance.natural import Chart
-    from texproj.appearance.outcome import Appearance
+    from texproj.appearance.recovered import Appearance
     from texproj.color.result import Texture, VertexColors
 
 STAGE = "appearance"
