@@ -195,6 +195,7 @@ def test_the_charts_photo_among_the_others_ties_the_model_to_absolute_light(rend
     rgb, truth, quality = vertices(renderer, chart)
     assert np.abs(rgb / truth - 1).max() < 0.02
     assert quality["checker"]["exposure"] == "the chart's photo is one of the model's"
+    assert quality["checker"]["exposure_known"]
     plain, _, none = vertices(renderer, None)
     assert np.abs(plain / truth - 1).min() > 0.04
     assert "checker" not in none
@@ -241,6 +242,7 @@ def test_without_a_tie_only_the_hues_change(renderer):
     luminance = XYZ_OF_SRGB[1]
     assert np.median(ratio) == pytest.approx(1 / (luminance @ (1 / cast)), rel=0.02)
     assert quality["checker"]["exposure"].startswith("none")
+    assert not quality["checker"]["exposure_known"]
 
 
 @pytest.mark.parametrize("mode", ["texture", "patches"])

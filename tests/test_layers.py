@@ -181,7 +181,7 @@ def test_one_door_to_opengl():
     assert knowing == {"render"}
 
 
-@pytest.mark.parametrize("layer", ["solve", "register", "color", "unwrap"])
+@pytest.mark.parametrize("layer", ["solve", "register", "color", "unwrap", "appearance"])
 def test_methods_open_no_files(layer):
     """Methods take nouns and give nouns; the project and the formats do files."""
     for path in (PACKAGE / layer).rglob("*.py"):
@@ -218,7 +218,7 @@ def test_formats_do_not_know_each_other():
 def test_each_name_of_a_module_means_one_thing():
     """No folder of methods has a module of another folder's name, but for the same role."""
     seen: dict[str, Path] = {}
-    for layer in ("register", "color", "unwrap", "resources"):
+    for layer in ("register", "color", "unwrap", "appearance", "resources"):
         for path in sorted((PACKAGE / layer).rglob("*.py")):
             if path.name != "__init__.py" and path.stem not in SAME_ROLE:
                 assert path.stem not in seen, f"{id_of(path)} and {id_of(seen[path.stem])}"

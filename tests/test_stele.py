@@ -1,6 +1,7 @@
 """projects/stele, the sample: from loose photos to the model, in a copy of the folder."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -47,6 +48,24 @@ def test_a_second_run_does_nothing(stele, capsys):
     assert "fresh" in capsys.readouterr().out
     model = stele / "out/model.glb"
     assert model.stat().st_mtime_ns == before[model]
+
+
+def test_a_run_finds_the_light_where_it_is_asked_for(stele, tmp_path, capsys):
+    """Nothing else is done again; the report tells of it."""
+    folder = shutil.copytree(stele, tmp_path / "stele")
+    with (folder / "project.toml").open("a", encoding="utf-8") as file:
+        file.write('\n[light]\nkind = "natural"\n')
+    model = folder / "out/model.glb"
+    before = model.stat().st_mtime_ns
+
+    assert main(["run", str(folder), "--json"]) == 0
+
+    told = json.loads(capsys.readouterr().out)
+    assert told["appearance"]["light"]["accepted"], told["appearance"]["light"]["reason"]
+    assert model.stat().st_mtime_ns == before
+    assert json.loads((folder / "out/report.json").read_text())["appearance"]["light"]["sky"]
+    assert main(["status", str(folder)]) == 0
+    assert "stale" not in capsys.readouterr().out
 
 
 def test_status_tells_what_became_of_the_photos(stele, capsys):

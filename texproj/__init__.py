@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from texproj.mesh import Mesh
     from texproj.photo import Correspondences, Photo
     from texproj.project import Project
+    from texproj.stages.appearing import appearance_project
     from texproj.stages.bench import Workbench
     from texproj.stages.coloring import color_project
     from texproj.stages.partners import partners
@@ -45,6 +46,7 @@ _HOMES = {
     "register_photos": "texproj.stages.registering",
     "partners": "texproj.stages.partners",
     "refine_project": "texproj.stages.refining",
+    "appearance_project": "texproj.stages.appearing",
     "color_project": "texproj.stages.coloring",
     "report_project": "texproj.stages.reporting",
     "run_project": "texproj.stages.running",
@@ -62,6 +64,7 @@ __all__ = [
     "TexprojError",
     "Workbench",
     "__version__",
+    "appearance_project",
     "color_project",
     "create_project",
     "partners",

@@ -151,6 +151,12 @@ def _check_photos(sources: Sequence[Path], tell: Tell) -> None:
         tell(f"{reason}; it is taken, and will fail until it is replaced")
 
 
+def write_settings(root: Path, mesh: str) -> None:
+    """The project.toml of a new project; mesh: the name of a file in mesh/. Raises OutputError."""
+    place = json.dumps(f"mesh/{mesh}", ensure_ascii=False)  # a string of TOML too
+    write_atomically(root / SETTINGS_FILE, NEW_SETTINGS.format(mesh=place))
+
+
 def _fill(root: Path, mesh: Path, sources: Sequence[Path], link: bool) -> None:
     try:
         for folder in ("mesh", "photos", "masks", "correspondences"):
@@ -160,5 +166,4 @@ def _fill(root: Path, mesh: Path, sources: Sequence[Path], link: bool) -> None:
     link_or_copy(mesh, root / "mesh" / mesh.name, link)
     for source in sources:
         link_or_copy(source, root / "photos" / source.name, link)
-    place = json.dumps(f"mesh/{mesh.name}", ensure_ascii=False)  # a string of TOML too
-    write_atomically(root / SETTINGS_FILE, NEW_SETTINGS.format(mesh=place))
+    write_settings(root, mesh.name)

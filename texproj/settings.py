@@ -10,6 +10,7 @@ from texproj.errors import InputError, UsageError, excerpt, nearest_name
 from texproj.options import (
     ColorOptions,
     DevelopOptions,
+    LightOptions,
     MutualInformationOptions,
     OutputOptions,
     PatchOptions,
@@ -57,6 +58,7 @@ class Settings:
     color: ColorOptions = field(default_factory=ColorOptions)
     unwrap: UnwrapOptions = field(default_factory=UnwrapOptions)
     patches: PatchOptions = field(default_factory=PatchOptions)
+    light: LightOptions = field(default_factory=LightOptions)
     output: OutputOptions = field(default_factory=OutputOptions)
     preview: PreviewOptions = field(default_factory=PreviewOptions)
 

@@ -11,7 +11,7 @@ from texproj.cli import talk
 from texproj.cli.exits import DONE
 from texproj.cli.making import run
 from texproj.cli.shared import Json, Verbose
-from texproj.creation import create_project
+from texproj.creation import create_project, write_settings
 from texproj.errors import UsageError
 
 
@@ -62,8 +62,9 @@ def demo(
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UsageError(f"{folder} exists and is not empty; give a new folder")
     if not json:
-        talk.say(f"making a carved, painted stone and photographs of it in {folder} ...")
+        talk.say(f"making a carved, painted shrine and photographs of it in {folder} ...")
     write_demo(folder)
+    write_settings(folder, "scan.ply")
     code = run(folder, json=json, verbose=verbose)
     if not json:
         talk.say(f"look at {folder / 'out' / 'report.html'}, or run: texproj preview {folder}")

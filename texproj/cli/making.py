@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from cyclopts import Parameter
 
@@ -69,6 +69,28 @@ def color(
 
     with project_at_work(folder, flags, verbose, "color") as project:
         return run_stage(project, json, color_project)
+
+
+def appearance(
+    folder: Folder,
+    /,
+    *,
+    to: Annotated[
+        Literal["vertices", "texture"],
+        Parameter(help="Also a textured model, in place of that of `color`."),
+    ] = "vertices",
+    flags: RenderFlags = None,
+    json: Json = False,
+    verbose: Verbose = False,
+) -> int:
+    """Find the light of the photos and write the surface without it to out/.
+
+    Example: texproj appearance statue
+    """
+    from texproj.stages.appearing import appearance_project  # noqa: PLC0415
+
+    with project_at_work(folder, flags, verbose, "appearance") as project:
+        return run_stage(project, json, lambda bench, tell: appearance_project(bench, tell, to))
 
 
 def refine(

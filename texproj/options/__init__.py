@@ -7,6 +7,7 @@ which overrides the default here.
 from texproj.options.base import is_expert, options_from
 from texproj.options.color import ColorOptions, OutputOptions, PatchOptions, UnwrapOptions
 from texproj.options.develop import DevelopOptions
+from texproj.options.light import LightOptions
 from texproj.options.register import (
     MapName,
     MutualInformationOptions,
@@ -22,6 +23,7 @@ __all__ = [
     "ColorOptions",
     "DemoOptions",
     "DevelopOptions",
+    "LightOptions",
     "MapName",
     "MutualInformationOptions",
     "OutputOptions",

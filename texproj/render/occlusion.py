@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from texproj.arrays import Floats
 from texproj.mesh import Mesh
+from texproj.render.directions import cosine_directions
 from texproj.render.rays import CHUNK, RayCaster
 from texproj.render.surface import Surface
 
@@ -61,32 +62,9 @@ def _openness(
     for start in range(0, len(chosen), step):
         part = chosen[start : start + step]
         n = normals[part]
-        directions = _cosine_directions(n, shifts[part], rays)
+        directions = cosine_directions(n, shifts[part], rays)
         origins = np.repeat(surface.xyz_in_local[part] + lift * n, rays, axis=0)
         blocked = caster.blocked(origins, directions.reshape(-1, 3)).reshape(-1, rays)
         known = np.einsum("ij,ij->i", n, n) > 0
         out[start : start + step] = np.where(known, 1 - blocked.mean(axis=1), 1)
     return out
-
-
-def _cosine_directions(normals: Floats, shifts: Floats, rays: int) -> Floats:
-    """(m, rays, 3) unit vectors, cosine-distributed around unit `normals` (m, 3)."""
-    golden = np.array([0.7548776662466927, 0.5698402909980532])  # 1/g, 1/g^2 with g^3 = g + 1
-    points = (np.arange(1, rays + 1)[:, None] * golden + 0.5).astype(np.float32)
-    u = (points[None] + shifts[:, None]) % 1
-    radius, angle = np.sqrt(u[..., 0]), np.float32(2 * np.pi) * u[..., 1]
-    height = np.sqrt(np.maximum(1 - u[..., 0], 0))
-    b1, b2 = _tangents(normals)
-    across = (radius * np.cos(angle))[..., None] * b1[:, None]
-    along = (radius * np.sin(angle))[..., None] * b2[:, None]
-    return across + along + height[..., None] * normals[:, None]
-
-
-def _tangents(n: Floats) -> tuple[Floats, Floats]:
-    """Two unit vectors square to each unit vector of (m, 3). Duff et al., JCGT 6(1), 2017."""
-    x, y, z = n.T
-    sign = np.copysign(np.float32(1), z)
-    a = -1 / (sign + z)
-    b = x * y * a
-    b1 = np.stack([1 + sign * x * x * a, sign * b, -sign * x], axis=1)
-    return b1, np.stack([b, sign + y * y * a, -y], axis=1)

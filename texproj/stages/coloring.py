@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 STAGE = "color"
 VERSION = 3
 Write = Callable[[Path, OutputPlan], tuple[str, ...]]
+DOUBTFUL = 0.6
+"""Part of what a photo shows of the piece beyond which contradiction is as likely its camera's."""
 SECTIONS = ("color", "unwrap", "patches", "output", "render")
 
 
@@ -105,7 +107,7 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
     made_by = provenance_of(project, used)
     with staging(project.out) as folder:
         files = write(folder, replace(plan, provenance=made_by))
-    _remove_leftovers(project, before, files)
+    remove_leftovers(project, before, files)
     record = {
         "inputs": inputs,
         "outputs": {name: project.hash_of(project.out / name) for name in files},
@@ -123,7 +125,7 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
     return _outcome(project, record, kept=False)
 
 
-def _remove_leftovers(project: Project, before: Any, files: tuple[str, ...]) -> None:
+def remove_leftovers(project: Project, before: Any, files: tuple[str, ...]) -> None:
     """Delete what the run before wrote and this one did not, unless somebody changed it since."""
     for name, known in (before or {}).get("outputs", {}).items():
         path = project.out / Path(name).name
@@ -145,10 +147,15 @@ def color_freshness(project: Project) -> Freshness:
         faults = [n for n, why in record.get("failed", {}).items() if why in (INTERNAL, NO_MEMORY)]
         reason = f"{', '.join(faults)} met an internal fault, which may be gone" if faults else ""
     if record is not None and not reason:
-        written = record.get("outputs", {})
-        gone = [n for n, known in written.items() if project.hash_of(project.out / n) != known]
-        reason = f"{', '.join(gone)} changed or missing in {project.out}" if gone else ""
+        reason = changed_outputs(project, record)
     return Freshness(STAGE, project.settings.color.to, not reason, reason)
+
+
+def changed_outputs(project: Project, record: Mapping[str, Any]) -> str:
+    """Which files that a stage wrote are not as it wrote them; empty if all are."""
+    written = record.get("outputs", {})
+    gone = [n for n, known in written.items() if project.hash_of(project.out / n) != known]
+    return f"{', '.join(gone)} changed or missing in {project.out}" if gone else ""
 
 
 def usable_cameras(project: Project) -> tuple[dict[str, Camera], dict[str, str]]:
@@ -238,10 +245,14 @@ def _texture(
 
 
 def _inputs(project: Project) -> Inputs:
+    return {**options_inputs(project, VERSION, *SECTIONS), **seen_inputs(project)}
+
+
+def seen_inputs(project: Project) -> Inputs:
+    """Mesh, color chart, photos, masks and cameras: all that colors are made from but settings."""
     chart = checker_path(project)
     records = {n: r for n, r in project.load_cameras().items() if n in project.photo_paths}
     return {
-        **options_inputs(project, VERSION, *SECTIONS),
         **file_inputs(project, mesh=project.mesh_path),
         **({"color chart": project.hash_of(chart) or "none"} if chart else {}),
         **{k: v for n, r in records.items() for k, v in _photo_inputs(project, n, r).items()},
@@ -261,9 +272,11 @@ def _left_out(name: str, told: dict[str, Any]) -> str:
     """The sentence about what stands in front of the piece in a photo."""
     if told["edited"]:
         return f"{name}: {told['mask']}, which was edited, says what is left out of it"
+    doubt = ", or its camera is wrong," if told["share"] > DOUBTFUL else ""
     return (
-        f"{name}: something stands in front of the piece ({100 * told['share']:.1f} % of what the"
-        f" photo shows of it) and is left out; {told['mask']} shows what, and can be edited"
+        f"{name}: something stands in front of the piece{doubt} ({100 * told['share']:.1f} % of"
+        f" what the photo shows of it) and is left out; {told['mask']} shows what, and can be"
+        " edited"
     )
 
 

@@ -17,6 +17,7 @@ from texproj.records import CameraRecord
 from texproj.report.page import page
 from texproj.report.pictures import RESIDUAL_MAGNIFICATION
 from texproj.report.verdict import verdict
+from texproj.stages.appearing import STAGE as APPEARANCE
 from texproj.stages.bench import Workbench
 from texproj.stages.coloring import STAGE as COLOR
 from texproj.stages.depicting import pictures
@@ -101,6 +102,7 @@ def _inputs(project: Project) -> Inputs:
         "cameras": json_hash([_shown(r) for r in project.load_cameras().values()]),
         "model": json_hash(project.load_record(COLOR)),
         "refinement": json_hash((project.load_record(REFINE) or {}).get("quality")),
+        "appearance": json_hash(project.load_record(APPEARANCE)),
         "what nothing uses": json_hash(project.notes),
         **file_inputs(project, **shown),
     }
@@ -115,7 +117,7 @@ def _shown(record: CameraRecord) -> list[Any]:
 def _facts(bench: Workbench, records: dict[str, CameraRecord]) -> dict[str, Any]:
     project, source = bench.project, bench.source
     photos = [_photo_facts(project, name, records.get(name)) for name in project.photo_names]
-    color = project.load_record(COLOR)
+    color, appearance = project.load_record(COLOR), project.load_record(APPEARANCE)
     renderer = bench.renderer
     facts = {
         "format": "texproj-report",
@@ -142,6 +144,7 @@ def _facts(bench: Workbench, records: dict[str, CameraRecord]) -> dict[str, Any]
         **_certainty(project, records),
         "photos": photos,
         "color": color and _color_facts(color),
+        "appearance": appearance and {**appearance, "files": list(appearance["outputs"])},
         "provenance": (color or {}).get("provenance"),
         "copyright": (color or {}).get("copyright", ""),
     }

@@ -9,6 +9,12 @@ from typing import Any
 from texproj.errors import InputError
 from texproj.project import Project
 from texproj.records import CameraRecord
+from texproj.stages.appearing import (
+    AppearanceOutcome,
+    appearance_freshness,
+    appearance_project,
+    appearance_wanted,
+)
 from texproj.stages.attending import PhotoFaultError, attended
 from texproj.stages.bench import Workbench
 from texproj.stages.coloring import ColorOutcome, color_freshness, color_project
@@ -33,6 +39,7 @@ SWITCHED_OFF = "switched off since then; the next run goes back to each photo's 
 @dataclass(frozen=True, eq=False)
 class RunOutcome:
     """What each stage did. color is None where no photo could be registered; `reason` says so.
+    appearance is None too where [light] does not ask for it.
 
     unrefined: photos that are back at their own registration, since the settings have switched
     refinement off; fault: why refinement could not be done, which nobody foresaw.
@@ -41,6 +48,7 @@ class RunOutcome:
     photos: list[PhotoOutcome]
     refined: RefineOutcome | None
     color: ColorOutcome | None
+    appearance: AppearanceOutcome | None
     report: ReportOutcome
     reason: str = ""
     unrefined: tuple[str, ...] = ()
@@ -74,6 +82,8 @@ class RunOutcome:
             yield f"refinement is switched off: back to their own registration: {names}"
         if self.color is not None:
             yield from self.color.lines()
+        if self.appearance is not None:
+            yield from self.appearance.lines()
         yield f"report: {self.report.files[0]}"
 
     def as_dict(self) -> dict[str, Any]:
@@ -82,6 +92,7 @@ class RunOutcome:
             "photos": [photo.as_dict() for photo in self.photos],
             "refine": self.refined and self.refined.as_dict(),
             "color": self.color and self.color.as_dict(),
+            "appearance": self.appearance and self.appearance.as_dict(),
             "report": self.report.as_dict()["files"],
             "reason": self.reason,
             "story": self.story,
@@ -126,8 +137,10 @@ def run_project(bench: Workbench, progress: Progress = silent) -> RunOutcome:
         color, reason = color_project(bench, progress), ""
     except InputError as error:
         color, reason = None, NONE_REGISTERED if all(p.failed for p in photos) else str(error)
+    wanted = color is not None and project.settings.light.kind != "none"
+    appearance = appearance_project(bench, progress) if wanted else None
     report = report_project(bench, progress)
-    return RunOutcome(photos, refined, color, report, reason, back, fault)
+    return RunOutcome(photos, refined, color, appearance, report, reason, back, fault)
 
 
 def _refined(bench: Workbench, progress: Progress) -> tuple[RefineOutcome | None, str]:
@@ -159,7 +172,8 @@ def project_status(project: Project) -> list[Freshness]:
     refined = [refine_freshness(project, True)] if _worth_refining(project) else []
     if unrefined(project):
         refined = [Freshness("refine", "all photos", False, SWITCHED_OFF)]
-    after = [color_freshness(project), report_freshness(project)]
+    light = [appearance_freshness(project)] if appearance_wanted(project) else []
+    after = [color_freshness(project), *light, report_freshness(project)]
     return [*registration_freshness(project), *refined, *after]
 
 

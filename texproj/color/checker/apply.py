@@ -40,7 +40,8 @@ def absolute_matrix(
     else:
         tie = "none: hues alone, the exposure is that of the photos"
         matrix = checker.matrix / (XYZ_OF_SRGB[1] @ checker.matrix).sum()
-    return matrix.astype(np.float32), {"checker": checker.quality | {"exposure": tie}}
+    told = {"exposure": tie, "exposure_known": not tie.startswith("none")}
+    return matrix.astype(np.float32), {"checker": checker.quality | told}
 
 
 def light_at(correction: Correction, place: tuple[float, float]) -> float:

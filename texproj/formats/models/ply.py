@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,13 +24,14 @@ def write_ply(
     colors: NDArray[np.uint8] | NDArray[np.uint16] | None,
     normals: NDArray[np.float64] | None = None,
     comments: Sequence[str] = (),
+    values: Mapping[str, NDArray[Any]] | None = None,
 ) -> None:
     """Write a mesh, with sRGB-encoded vertex colors if there are any, in the order given.
 
     vertices: (V, 3), written as double where single precision would move them; faces: (F, 3);
     colors: (V, 3 or 4), uint8 for viewers (few read uint16), or None; normals: (V, 3) or None;
-    comments: lines of the head, where the format has no letters but those of ASCII.
-    Raises OSError.
+    comments: lines of the head, where the format has no letters but those of ASCII; values: (V,)
+    more properties by name, written as float. Raises OSError.
     """
     real = "f4" if single_is_enough(vertices) else "f8"
     columns: dict[str, tuple[NDArray[Any], str]] = {"xyz": (vertices, real)}
@@ -38,11 +39,13 @@ def write_ply(
         columns["normal"] = (normals, "f4")
     if colors is not None:
         columns["color"] = (colors, f"u{colors.itemsize}")
-    names = {
+    names: dict[str, tuple[str, ...]] = {
         "xyz": ("x", "y", "z"),
         "normal": ("nx", "ny", "nz"),
         "color": ("red", "green", "blue", "alpha"),
     }
+    for name, column in (values or {}).items():
+        columns[name], names[name] = (column[:, None], "f4"), (name,)
     properties = [
         f"property {PLY_TYPES[kind]} {name}"
         for key, (values, kind) in columns.items()
