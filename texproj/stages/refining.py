@@ -33,7 +33,7 @@ from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
 
 if TYPE_CHECKING:
-    from texproj.register.joint.outcome import Refined
+    from texproj.register.joint.conclusion import Refined
     from texproj.register.joint.refine import Tell
 
 STAGE = "refine"

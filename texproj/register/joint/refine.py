@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from texproj.arrays import Doubles
 from texproj.camera import Camera
 from texproj.options import RefineOptions
+from texproj.register.joint.conclusion import Refined, Solved
 from texproj.register.joint.lenses import PhotoStart, shared_lenses, with_aspect
 from texproj.register.joint.lone import (
     LEAST_SOUGHT,
@@ -25,7 +26,6 @@ from texproj.register.joint.lone import (
     sought_again,
     unconfirmed,
 )
-from texproj.register.joint.outcome import Refined, Solved
 from texproj.register.joint.overlap import choose_partners, shared_views
 from texproj.register.joint.patches import Density
 from texproj.register.joint.search import Level, Pair, TieFinder
