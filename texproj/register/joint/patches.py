@@ -87,8 +87,10 @@ class Sight:
         """At most `longest` pixels along the longer side."""
         stride = max(1, round(max(camera.width, camera.height) / longest))
         every = (slice(stride // 2, None, stride),) * 2
-        depth = images.require("depth")[every]
-        return cls(camera, depth if mask is None else np.where(mask[every] > 0, depth, 0), stride)
+        depth = images.require("depth")[every].copy()  # a view would keep the whole picture
+        if mask is not None:
+            depth[mask[every] == 0] = 0
+        return cls(camera, depth, stride)
 
     def sees(self, xyz_in_cam: Floats) -> NDArray[np.bool_]:
         """(n, m) whether points (n, m, 3) in camera axes are in the picture, and not hidden."""

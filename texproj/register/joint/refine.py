@@ -44,8 +44,8 @@ MOST_ROUNDS, FINE_ROUNDS = 8, 2
 """Most rounds at the working size, where the cameras come to rest after five to eight, and at twice
 that size."""
 COARSE, FINE = Density(32, 300), Density(48, 700)
-"""Patches at the working size and at twice that: with fewer at the end the place of all photos on
-the mesh is less sure (.75 px in place of .65 with 300), with more only the time grows."""
+"""Patches at the working size and at twice that. At the end, of one scene from a calibrated lens:
+all photos .75 px off with 300, .72 with these, .67 with 1300 in twice the time."""
 TIE_SIGMA_PX = 0.5
 """Noise of a tie, working pixels: what well registered photos of real scenes show."""
 TIE_LOSS = Loss("cauchy", 1.5)

@@ -72,6 +72,8 @@ class TieFinder:
         by photo (n, 3) world points in its view, by which its motion is judged.
         """
         longest = level.longest
+        for other in [key for key in self._chosen if key[1] != longest]:
+            del self._chosen[other]
         partners = defaultdict(list)
         for i, j in pairs:
             partners[i].append(j)
