@@ -113,7 +113,7 @@ class RefineOptions:
     enabled: bool = True
     """Whether `run` refines; `texproj refine` always does."""
 
-    working_px: Annotated[int, Field(ge=256, le=8192)] = 768
+    working_px: Annotated[int, Field(ge=128, le=8192)] = 768
     """Longer side of the reduced photos that are compared, pixels; twice that at the end."""
 
     partners: Annotated[int, Field(ge=1, le=50)] = 6

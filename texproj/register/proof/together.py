@@ -1,0 +1,97 @@
+"""Photos with rough cameras of a thing whose edges are paint: brought to agree with each other on
+the surface, from small pictures to larger ones, and believed as far as they do.
+
+A smooth mesh has no edges to be found in a photo, so no photo can be registered alone. But all
+together can: where their cameras are right, they show the same at the same points of the surface,
+which only one place of a curved surface lets them do. Method: ours, by the joint refinement.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from texproj.arrays import Bools, Doubles
+from texproj.camera import Camera
+from texproj.options import RefineOptions
+from texproj.register.joint.refine import Refined, refine
+from texproj.register.joint.session import LoadPhoto, anchor_points
+from texproj.register.proof.camps import Ruling
+from texproj.register.proof.judge import judge
+from texproj.render import Render
+
+SIZES_PX = (192, 384)
+"""Working sizes, each used at once and at twice: a patch is sought up to 4 % of the width away at
+first, 26 pixels of 640."""
+FIRST_PERCENT = 3.0
+"""How far a rough camera is taken to be off at first, percent of the longer side."""
+LEAST_PERCENT = 0.1
+LEAST_PHOTOS = 3
+"""Two photos agree on a surface in many places."""
+
+
+@dataclass(frozen=True, eq=False)
+class Together:
+    """cameras: as given where nothing could be said; expected_error_px: (n,) full size, NaN there;
+    start_error_px: how far the rough cameras were off, root mean square; rulings: what the other
+    photos say of each.
+    """
+
+    cameras: tuple[Camera, ...]
+    expected_error_px: Doubles
+    start_error_px: float
+    rulings: dict[int, Ruling]
+
+
+def brought_together(
+    cameras: Sequence[Camera],
+    fixed: Sequence[bool],
+    lenses: Sequence[Hashable],
+    load_photo: LoadPhoto,
+    render: Render,
+    options: RefineOptions,
+) -> Together:
+    """Cameras (full size) that agree on the surface, from rough ones.
+
+    fixed: those that are right already; the rest as for `refine`.
+    """
+    points = anchor_points(cameras, render)
+    side = np.array([max(camera.width, camera.height) for camera in cameras])
+    sigma = FIRST_PERCENT / 100 * side
+    free = ~np.array(fixed, bool)
+    now, error, moved = tuple(cameras), np.full(len(cameras), np.nan), FIRST_PERCENT
+    for size in SIZES_PX:
+        coarse = replace(options, working_px=size)
+        found = refine(now, list(sigma), fixed, lenses, load_photo, render, coarse)
+        now, error = found.cameras, _errors(found)
+        shift = _motion_px(cameras, now, points)
+        moved = _typical_percent(shift, side, free)
+        sigma = np.full(len(side), max(moved, LEAST_PERCENT) / 100) * side
+    told = judge(now, load_photo, render, [int(k) for k in np.flatnonzero(free)])
+    return Together(now, error, moved / 100 * float(side.mean()), told)
+
+
+def _errors(found: Refined) -> Doubles:
+    error = found.expected_error_px.copy()
+    error[list(found.thrown_out)] = np.nan
+    return error
+
+
+def _motion_px(before: Sequence[Camera], after: Sequence[Camera], points: list[Doubles]) -> Doubles:
+    """(n,) mean motion of the surface in each photo, full-size pixels."""
+    return np.array(
+        [
+            np.nanmean(np.linalg.norm(b.project(xyz)[0] - a.project(xyz)[0], axis=1))
+            if len(xyz) else np.nan
+            for a, b, xyz in zip(before, after, points, strict=True)
+        ]
+    )  # fmt: skip
+
+
+def _typical_percent(shift_px: Doubles, side: Doubles, free: Bools) -> float:
+    """Root mean square of the motion, percent of the longer side."""
+    percent = 100 * shift_px[free] / side[free]
+    percent = percent[np.isfinite(percent)]
+    return float(np.sqrt((percent**2).mean())) if len(percent) else FIRST_PERCENT
