@@ -15,10 +15,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from texproj.camera import Camera
 from texproj.demo.jpeg import Exif, jpeg
 from texproj.demo.light import Lighting
+from texproj.demo.noise import noise
 from texproj.demo.photographer import Scene, ShotOptions, photograph, set_up
 from texproj.demo.picks import picked
 from texproj.demo.sensor import Sensor
@@ -43,12 +45,13 @@ SCAN_NOISE = 4e-4
 """Metres along the normals, two thirds of its variance smooth over centimetres."""
 
 
-def board(seed: int, figures: int = 420) -> np.ndarray:
-    """(BOARD_PX, BOARD_PX, 3) float32 linear paint: figures of all sizes anywhere, nothing twice."""
+def board(seed: int, figures: int = 1600) -> np.ndarray:
+    """(BOARD_PX, BOARD_PX, 3) float32 linear paint: figures of all sizes, nothing twice."""
     rng = np.random.default_rng(seed)
     image = np.full((BOARD_PX, BOARD_PX, 3), (0.55, 0.5, 0.42), np.float32)
     for k in range(figures):
-        size = int(np.exp(rng.uniform(np.log(12), np.log(150))) * (1.6 if k < 30 else 1))
+        largest = 150 if k < 250 else 30
+        size = int(np.exp(rng.uniform(np.log(6), np.log(largest))) * (1.6 if k < 30 else 1))
         x, y = rng.integers(0, BOARD_PX, 2)
         color = tuple(float(c) for c in rng.uniform(0.03, 0.75, 3))
         kind = rng.integers(3)
@@ -62,9 +65,11 @@ def board(seed: int, figures: int = 420) -> np.ndarray:
                 cv2.fillPoly(image, [corners.astype(np.int32)], color)
             else:
                 line = at + np.cumsum(rng.normal(0, size, (6, 2)), axis=0)
-                width = max(3, size // 8)
+                width = max(2, size // 6)
                 cv2.polylines(image, [line.astype(np.int32)], False, color, width)
-    return cv2.GaussianBlur(image, (0, 0), 1.2)
+    grain = cv2.GaussianBlur(rng.standard_normal(image.shape[:2], np.float32), (0, 0), 4)
+    image *= 1 + 0.075 * grain[..., None] / grain.std()
+    return cv2.GaussianBlur(np.clip(image, 0.02, 0.9), (0, 0), 1.2)
 
 
 def wrapped(seed: int, across: Callable[[np.ndarray], np.ndarray]) -> Callable:
@@ -99,8 +104,6 @@ def vase(rings: int, sectors: int, phase: float = 0.0) -> Mesh:
     """A surface of revolution about z, smooth but for its tessellation."""
     knots = np.array(PROFILE)
     length = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(knots, axis=0), axis=1))])
-    from scipy.interpolate import PchipInterpolator  # noqa: PLC0415
-
     curve = PchipInterpolator(length, knots)(np.linspace(0, length[-1], rings))
     angle = phase + np.arange(sectors) * 2 * np.pi / sectors
     ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -131,11 +134,11 @@ def cushion(cells: int, phase: float = 0.0) -> Mesh:
 
 def noisy(mesh: Mesh, seed: int) -> Mesh:
     """As a scanner gives it."""
-    from texproj.demo.noise import noise  # noqa: PLC0415
-
     rng = np.random.default_rng([seed, 5])
     broad = noise(mesh.vertices.astype(np.float32), 0.5, seed + 5, 1.5)
-    height = SCAN_NOISE * (np.sqrt(2 / 3) * broad + np.sqrt(1 / 3) * rng.standard_normal(len(broad)))
+    height = SCAN_NOISE * (
+        np.sqrt(2 / 3) * broad + np.sqrt(1 / 3) * rng.standard_normal(len(broad))
+    )
     return Mesh(mesh.vertices + vertex_normals(mesh) * height[:, None], mesh.faces)
 
 
@@ -240,24 +243,24 @@ def turn_about_z(angle_deg: float) -> Similarity:
 
 
 def vase_scene(
-    photos: int = 9, span_deg: float = 150.0, seed: int = 0, long_side: int = 640
+    photos: int = 9, span_deg: float = 150.0, seed: int = 0, long_side: int = 640, fine: int = 420
 ) -> Painted:
-    """A vase from one side to the other, at three heights."""
+    """A vase from one side to the other, at three heights. fine: faces around its true surface."""
     azimuths = np.linspace(-span_deg / 2, span_deg / 2, photos)
     views = tuple(
         View(float(a), (8.0, 20.0, 32.0)[k % 3], 1.12, (0.2, -0.2, 0.0)[k % 3], body=COMPACT)
         for k, a in enumerate(azimuths)
     )
     scan = noisy(vase(97, 120, 0.013), seed)
-    return Painted("vase", vase(300, 420), scan, around, views, seed, long_side)
+    return Painted("vase", vase(300 * fine // 420, fine), scan, around, views, seed, long_side)
 
 
-def cushion_scene(photos: int = 8, seed: int = 0, long_side: int = 640) -> Painted:
-    """A patterned cushion from its front."""
+def cushion_scene(photos: int = 8, seed: int = 0, long_side: int = 640, fine: int = 420) -> Painted:
+    """A patterned cushion from its front. fine: vertices along the sides of its true surface."""
     azimuths = np.linspace(-38, 38, photos)
     views = tuple(
         View(float(a), (5.0, 22.0, 38.0)[k % 3], 1.1, upright=False, body=COMPACT)
         for k, a in enumerate(azimuths)
     )
     scan = noisy(cushion(130, 0.31), seed)
-    return Painted("cushion", cushion(420), scan, above, views, seed, long_side)
+    return Painted("cushion", cushion(fine), scan, above, views, seed, long_side)

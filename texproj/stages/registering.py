@@ -5,11 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
-from texproj.errors import InputError
 from texproj.project import Project
 from texproj.records import CameraRecord, Fit
+from texproj.stages.attempts import (
+    Placing,
+    as_block,
+    as_placed,
+    by_agreement,
+    by_features,
+    record_of,
+    searched,
+)
 from texproj.stages.attending import PhotoFaultError, attended
 from texproj.stages.bench import Workbench
 from texproj.stages.entries import camera_hash, own_registration, start_of
@@ -18,7 +25,6 @@ from texproj.stages.keeping import Keeper
 from texproj.stages.lineage import FAULT, STAGE, Behind, Lineage, Neighborhood, Trace, inputs, state
 from texproj.stages.methods import (
     AUTO,
-    METHODS,
     MOST_COMPARED,
     NEAREST,
     Job,
@@ -30,33 +36,16 @@ from texproj.stages.methods import (
     shared_points,
 )
 from texproj.stages.outcomes import (
-    UNUSABLE,
     PhotoOutcome,
-    failed_record,
-    refused_record,
-    registered_record,
 )
 from texproj.stages.partners import companions, compare_looks, load_graph
 from texproj.stages.progress import Progress, silent
 from texproj.stages.wave import Evidence, Wave
 
 Names = tuple[str, ...]
-
 STANDS_APART = (
     "shows nothing that the registered photos show; leave it out (`exclude`) or pick 4 points"
 )
-
-
-def _block(
-    bench: Workbench,
-    names: Sequence[str],
-    anchors: Mapping[str, CameraRecord],
-    progress: Progress,
-) -> Mapping[str, Fit | str]:
-    """All at once, by structure from motion: for each photo a fit, or why there is none."""
-    from texproj.stages.blocking import place_together  # noqa: PLC0415 - slow to load
-
-    return place_together(bench, names, anchors, progress)
 
 
 def register_photos(
@@ -76,12 +65,19 @@ def register_photos(
         run = _Run(bench, chosen, keeper, progress)
         run.keep()
         run.attend_alone()
+        run.judge()
+        if run.asked == AUTO and not run.registered:
+            run.attend_by_agreement()
         if run.asked == AUTO and not run.registered:
             run.attend_together(run.without_means, {})
         if run.asked in (AUTO, "features"):
             run.attend_through_others()
-        if run.asked == AUTO and run.attend_together(run.newly_failed, run.registered):
+        if run.asked == AUTO and (
+            run.attend_by_agreement() or run.attend_together(run.newly_failed, run.registered)
+        ):
             run.attend_through_others()
+        run.judge()
+        run.tell_what_it_rests_on()
     progress(STAGE, len(chosen), len(chosen), "")
     project.save_hashes()
     return [run.outcomes[name] for name in chosen]
@@ -98,7 +94,8 @@ class _Run:
     waiting: those without an outcome; shaken: those of them that were found through others before,
     so that their old cameras prove nothing; own: what came of what was tried before others were
     asked; places: the photos from whose place each was tried already; faulty: those that met a
-    fault, alone or in a block.
+    fault, alone or in a block; judged: those that the others were asked about; disagreeing: those
+    that were sought by agreement last.
     """
 
     def __init__(
@@ -123,6 +120,8 @@ class _Run:
         self.blocks: dict[str, tuple[str, ...]] = {}
         self.failed_with: dict[str, Evidence] = {}
         self.faulty: set[str] = set()
+        self.judged: set[str] = set()
+        self.disagreeing: Names = ()
 
     # --- what is known
 
@@ -177,12 +176,12 @@ class _Run:
 
     def attend_together(self, names: Names, anchors: Mapping[str, CameraRecord]) -> bool:
         """Place photos all at once; returns whether one was found."""
-        searches = self.placed(names, anchors) if names else {}
+        searches = self.placed(names, anchors, as_block) if names else {}
         self.learn_companions()
         for name, found in searches.items():
             self.blocks[name] = names
             if found.fit is not None or name in self.outcomes:
-                self.attend(name, partial(_as_placed, self.continued(name, found)))
+                self.attend(name, partial(as_placed, self.continued(name, found)))
             else:
                 self.own[name] = found
         return any(found.fit is not None and found.fit.accepted for found in searches.values())
@@ -195,12 +194,16 @@ class _Run:
         reasons = (outcome.reason, *found.refusals) if found.fit is None else ()
         return replace(found, refusals=reasons, tried=(*trace.tried, *found.tried))
 
-    def placed(self, names: Names, anchors: Mapping[str, CameraRecord]) -> dict[str, Search]:
-        """What the block says of each photo; what nobody foresaw in it is said of all of them."""
+    def placed(
+        self, names: Names, anchors: Mapping[str, CameraRecord], how: Placing
+    ) -> dict[str, Search]:
+        """What is said of each of several photos that are placed together; what nobody foresaw in
+        it is said of all of them.
+        """
         told: Mapping[str, Fit | str]
         try:
             told = attended(
-                ", ".join(names), lambda: _block(self.bench, names, anchors, self.progress)
+                ", ".join(names), lambda: how(self.bench, names, anchors, self.progress)
             )
         except PhotoFaultError as error:
             told = dict.fromkeys(names, str(error))
@@ -210,6 +213,67 @@ class _Run:
             else Search().then([("block", partial(believed, fit))])
             for name, fit in told.items()
         }  # fmt: skip
+
+    def attend_by_agreement(self) -> bool:
+        """Bring photos that have failed from rough cameras to agree with each other on the surface;
+        returns whether one was found.
+        """
+        names = tuple(n for n in self.newly_failed if self.job(n).starts_somewhere)
+        if not names or names == self.disagreeing:
+            return False
+        self.disagreeing = names
+        searches = self.placed(names, self.registered, by_agreement)
+        found = {n: s for n, s in searches.items() if s.fit is not None and s.fit.accepted}
+        for name, search in found.items():
+            self.blocks[name] = names
+            self.attend(name, partial(as_placed, self.continued(name, search)))
+        return bool(found)
+
+    def judge(self) -> None:
+        """Ask the registered photos about those that were registered in this run; what they
+        contradict is refused, and may be found through them.
+        """
+        new = [n for n, o in self.outcomes.items() if not (o.failed or o.kept or n in self.judged)]
+        if not new:
+            return
+        from texproj.stages.judging import PROOF, judgements  # noqa: PLC0415 - slow to load
+
+        self.judged |= set(new)
+        for name, told in judgements(self.bench, self.registered, new).items():
+            record, trace = self.entries[name], self.traces[name]
+            assert trace is not None
+            if told.refusal:
+                search = Search(None, (told.refusal,), trace.tried)
+                self.own[name] = search
+                self.judged.discard(name)
+                self.attend(name, partial(as_placed, search))
+            else:
+                self.note(name, replace(record, quality={**record.quality, PROOF: told.proof}),
+                          told.note)  # fmt: skip
+
+    def tell_what_it_rests_on(self) -> None:
+        """Note it with the photos of this run where the mesh does not tell their place."""
+        new = [n for n in self.judged if not self.outcomes[n].failed]
+        if not new:
+            return
+        from texproj.stages.judging import PROOF, rests_on  # noqa: PLC0415 - slow to load
+
+        what = rests_on(self.bench, self.registered)
+        for name in new if what else ():
+            record = self.entries[name]
+            proof = {**record.quality.get(PROOF, {}), "rests_on": what}
+            note = what if record.method != "features" else ""
+            self.note(name, replace(record, quality={**record.quality, PROOF: proof}), note)
+
+    def note(self, name: str, record: CameraRecord, note: str) -> None:
+        """An entry with more to tell; its camera is the same."""
+        reason = "; ".join(filter(None, [record.quality.get("reason", ""), note]))
+        record = replace(record, quality={**record.quality, "reason": reason})
+        trace = self.traces[name]
+        assert trace is not None
+        self.entries[name] = record
+        self.outcomes[name] = PhotoOutcome(name, record, self.outcomes[name].kept, reason)
+        self.keeper.add(record, trace)
 
     def attend_alone(self) -> None:
         """Photo by photo, by the method that was asked for or by the photo's own means."""
@@ -225,7 +289,7 @@ class _Run:
 
     def attend_through_others(self) -> None:
         """What the photos that are registered show of others, and those of others again."""
-        search = self.by_others if self.asked == AUTO else _by_features
+        search = self.by_others if self.asked == AUTO else by_features
         self.look_for_companions()
         wave = Wave(self.evidence, self.strength, self.waits)
         for name in self.chosen:
@@ -294,11 +358,11 @@ class _Run:
         done = min(len(self.outcomes), len(self.chosen) - 1)
         self.progress(STAGE, done, len(self.chosen), name)
         job, before = self.job(name), self.entries.get(name)
-        found, why = _searched(job, search)
+        found, why = searched(job, search)
         self.faulty |= {name} if FAULT in why else set()
         if found.fit is None and name in self.faulty:
             why = {**why, FAULT: True}
-        record = _record(job, found, why)
+        record = record_of(job, found, why)
         record = replace(record, extra=before.extra if before is not None else {})
         tried = tuple(dict.fromkeys([*self.own.get(name, Search()).tried, *found.tried]))
         self.settle(PhotoOutcome(name, record, False, record.quality.get("reason", "")))
@@ -334,34 +398,3 @@ class _Run:
         )
         if read != trace.inputs:
             self.keeper.add(record, replace(trace, inputs=read))
-
-
-def _by_features(job: Job) -> Search:
-    return search_as_asked(job, "features")
-
-
-def _as_placed(found: Search, _: Job) -> Search:
-    """What a step said of a photo, as a search of it."""
-    return found
-
-
-def _searched(job: Job, search: Callable[[Job], Search]) -> tuple[Search, dict[str, Any]]:
-    """What came of a search, and what to note where a photo cannot be used or met a fault."""
-    try:
-        return attended(job.name, partial(search, job)), {}
-    except PhotoFaultError as error:
-        return Search(None, (str(error),), tuple(METHODS)), {FAULT: True}
-    except InputError as error:
-        return Search(None, (str(error).removeprefix(f"{job.name}: "),)), {UNUSABLE: True}
-
-
-def _record(job: Job, found: Search, why: dict[str, Any]) -> CameraRecord:
-    """The entry that a search makes."""
-    start = job.start
-    if start is not None:
-        start = replace(start, extra={}, refinement=None)
-    if found.fit is None:
-        quality = {"reason": found.reason, **why}
-        return failed_record(job.project, job.name, start, quality)
-    make = registered_record if found.fit.accepted else refused_record
-    return make(job.project, job.name, start, found.fit)

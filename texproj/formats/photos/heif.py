@@ -134,7 +134,9 @@ def _profile(file: io.BufferedIOBase) -> bytes | None:
     if primaries in (1, UNSPECIFIED) or primaries not in PRIMARIES:
         return None
     return imagecodecs.cms_profile(
-        "rgb", whitepoint=D65, primaries=PRIMARIES[primaries],
+        "rgb",
+        whitepoint=D65,
+        primaries=PRIMARIES[primaries],
         transferfunction=linear_from_srgb(np.linspace(0, 1, CURVE_POINTS)),
     )
 

@@ -120,7 +120,7 @@ def _aside(solid: Bools, centers: Index) -> tuple[tuple[int, int], Index]:
     """
     tried = []
     for dx, dy in ((ASIDE_PX, 0), (0, ASIDE_PX), (-ASIDE_PX, 0), (0, -ASIDE_PX)):
-        x, y = (centers + (dx, dy)).T
+        x, y = centers.T + np.array([[dx], [dy]])
         inside = (x >= 0) & (y >= 0) & (x < solid.shape[1]) & (y < solid.shape[0])
         inside[inside] = solid[y[inside], x[inside]]
         tried.append(((-dx, -dy), centers[inside]))
@@ -130,4 +130,3 @@ def _aside(solid: Bools, centers: Index) -> tuple[tuple[int, int], Index]:
 def _thinned(centers: Index) -> Index:
     keep = np.linspace(0, len(centers) - 1, min(MOST_PATCHES, len(centers))).round().astype(int)
     return centers[keep]
-

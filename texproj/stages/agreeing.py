@@ -1,0 +1,115 @@
+"""Photos that nothing but rough cameras is known of, and whose mesh has no edges to be found:
+believed where they agree with each other on the surface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from texproj.camera import Camera
+from texproj.errors import InputError
+from texproj.photo import Photo
+from texproj.records import CameraRecord, Fit
+from texproj.register.proof.camps import Ruling
+from texproj.register.proof.together import LEAST_PHOTOS, brought_together
+from texproj.render import GBuffer
+from texproj.stages.attending import attended
+from texproj.stages.bench import Workbench
+from texproj.stages.block_fits import MAX_ERROR_PERCENT, Told
+from texproj.stages.entries import start_of
+from texproj.stages.lenses import lens_of
+from texproj.stages.progress import Progress
+
+STAGE = "agreement"
+CHANNELS = ("depth", "normal")
+GLANCE_PX = 64
+"""Size at which a photo is decoded to see whether it can be."""
+
+
+def placed_by_agreement(
+    bench: Workbench,
+    names: Sequence[str],
+    registered: Mapping[str, CameraRecord],
+    progress: Progress,
+) -> Told:
+    """A camera for each of the photos `names` that agrees with enough others, from the rough camera
+    in its entry; or why there is none. registered: photos that are right already, which stay.
+    """
+    known = _with_cameras(bench, names, registered)
+    own = [name for name in known if name in names]
+    if len(known) < LEAST_PHOTOS or not own:
+        return {}
+    progress(STAGE, 0, 1, "comparing the photos on the surface")
+    order = list(known)
+
+    def load(number: int, longest: int) -> Photo:
+        return bench.project.load_photo(order[number], longest)
+
+    def render(camera: Camera) -> GBuffer:
+        return bench.plain_scene.gbuffer(camera, CHANNELS)
+
+    entries = bench.project.load_cameras()
+    lenses = [lens_of(bench.project, name, start_of(entries.get(name))) for name in order]
+    fixed = [name not in names for name in order]
+    found = brought_together(
+        list(known.values()), fixed, lenses, load, render, bench.project.settings.refine
+    )
+    progress(STAGE, 1, 1, "")
+    return {
+        order[k]: _told(found.cameras[k], found.expected_error_px[k], ruling, found.start_error_px)
+        for k, ruling in found.rulings.items()
+    }
+
+
+def _with_cameras(
+    bench: Workbench, names: Sequence[str], registered: Mapping[str, CameraRecord]
+) -> dict[str, Camera]:
+    """The photos that can be read, with rough cameras or the ones that they are registered at."""
+    entries, found = bench.project.load_cameras(), {}
+    for name in bench.project.photo_names:
+        record = registered.get(name)
+        start = start_of(entries.get(name)) if name in names else None
+        camera = record.camera if record else (start.camera if start else None)
+        if camera is not None and can_be_read(bench, name):
+            found[name] = camera
+    return found
+
+
+def can_be_read(bench: Workbench, name: str) -> bool:
+    """Whether a photo can be decoded."""
+    try:
+        attended(name, lambda: bench.project.load_photo(name, GLANCE_PX))
+    except InputError:  # its own entry says so
+        return False
+    return True
+
+
+def _told(
+    camera: Camera, expected_error_px: float, ruling: Ruling, start_error_px: float
+) -> Fit | str:
+    """The fit of one photo, or why it is not believed."""
+    side = max(camera.width, camera.height)
+    if len(ruling.agree) < LEAST_PHOTOS - 1 or not np.isfinite(expected_error_px):
+        return (
+            "too few other photos show the same surface where its start puts it (at best "
+            f"{ruling.share:.0%} of the patches agree, chance gives {ruling.chance:.0%}); "
+            "pick 4 points, or give a closer start"
+        )
+    nothing = np.zeros(0)
+    fit = Fit(
+        camera=camera,
+        method="block",
+        expected_error_px=float(expected_error_px),
+        residual_px=nothing,
+        inliers=nothing.astype(bool),
+        covariance=np.full((6, 6), np.nan),
+        quality={"start_error_px": round(start_error_px, 2)},
+    )
+    percent = 100 * expected_error_px / side
+    if percent <= MAX_ERROR_PERCENT:
+        return fit
+    reason = f"the photos agree, but leave it uncertain by {percent:.2f} % of its longer side"
+    return replace(fit, accepted=False, reason=f"{reason}; pick 4 points")

@@ -1,0 +1,78 @@
+"""What is tried of a photo, or of several together, and the entry that comes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+from texproj.errors import InputError
+from texproj.records import CameraRecord, Fit
+from texproj.stages.attending import PhotoFaultError, attended
+from texproj.stages.bench import Workbench
+from texproj.stages.lineage import FAULT
+from texproj.stages.methods import METHODS, Job, Search, search_as_asked
+from texproj.stages.outcomes import UNUSABLE, failed_record, refused_record, registered_record
+from texproj.stages.progress import Progress
+
+Placing = Callable[
+    [Workbench, Sequence[str], Mapping[str, CameraRecord], Progress], Mapping[str, Fit | str]
+]
+"""``placing(bench, names, registered, progress)``: for each photo a fit, or why there is none."""
+
+
+def as_block(
+    bench: Workbench,
+    names: Sequence[str],
+    anchors: Mapping[str, CameraRecord],
+    progress: Progress,
+) -> Mapping[str, Fit | str]:
+    """All at once, by structure from motion: for each photo a fit, or why there is none."""
+    from texproj.stages.blocking import place_together  # noqa: PLC0415 - slow to load
+
+    return place_together(bench, names, anchors, progress)
+
+
+def by_agreement(
+    bench: Workbench,
+    names: Sequence[str],
+    registered: Mapping[str, CameraRecord],
+    progress: Progress,
+) -> Mapping[str, Fit | str]:
+    """From rough cameras to where the photos agree on the surface."""
+    from texproj.stages.agreeing import placed_by_agreement  # noqa: PLC0415 - slow to load
+
+    return placed_by_agreement(bench, names, registered, progress)
+
+
+def by_features(job: Job) -> Search:
+    """By what registered photos show of the same surface alone."""
+    return search_as_asked(job, "features")
+
+
+def as_placed(found: Search, _: Job) -> Search:
+    """What a step said of a photo, as a search of it."""
+    return found
+
+
+def searched(job: Job, search: Callable[[Job], Search]) -> tuple[Search, dict[str, Any]]:
+    """What came of a search, and what to note where a photo cannot be used or met a fault."""
+    try:
+        return attended(job.name, partial(search, job)), {}
+    except PhotoFaultError as error:
+        return Search(None, (str(error),), tuple(METHODS)), {FAULT: True}
+    except InputError as error:
+        return Search(None, (str(error).removeprefix(f"{job.name}: "),)), {UNUSABLE: True}
+
+
+def record_of(job: Job, found: Search, why: dict[str, Any]) -> CameraRecord:
+    """The entry that a search makes."""
+    start = job.start
+    if start is not None:
+        start = replace(start, extra={}, refinement=None)
+    if found.fit is None:
+        quality = {"reason": found.reason, **why}
+        return failed_record(job.project, job.name, start, quality)
+    make = registered_record if found.fit.accepted else refused_record
+    return make(job.project, job.name, start, found.fit)
