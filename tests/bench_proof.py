@@ -44,6 +44,7 @@ from texproj.formats.photos import read_photo, read_photo_info
 from texproj.mesh import Mesh
 from texproj.options import RenderOptions
 from texproj.photo import Photo
+from texproj.records import PROOF
 from texproj.register.joint.overlap import choose_partners, shared_views
 from texproj.register.joint.session import Kept, Views
 from texproj.register.proof.agreement import WORKING_PX, agreement
@@ -51,7 +52,6 @@ from texproj.register.proof.judge import PARTNERS
 from texproj.render import open_renderer
 from texproj.repair import repair
 from texproj.stages.bench import Workbench
-from texproj.stages.judging import PROOF
 from texproj.stages.registering import register_photos
 
 TURN_DEG = 37.0

@@ -13,6 +13,7 @@ from painted_scenes import cushion_scene, prior, turn_about_z, turned, vase, vas
 from texproj.demo.views import disturbed
 from texproj.mesh import Mesh
 from texproj.options import RefineOptions
+from texproj.records import PROOF
 from texproj.register.block.scan_samples import ScanSamples
 from texproj.register.block.slides import slides, untold
 from texproj.register.proof.agreement import Agreement
@@ -21,7 +22,6 @@ from texproj.register.proof.judge import judge
 from texproj.register.proof.together import brought_together
 from texproj.render.rays import CPURenderer
 from texproj.stages.bench import Workbench
-from texproj.stages.judging import PROOF
 from texproj.stages.registering import register_photos
 
 CHANNELS = ("depth", "normal")

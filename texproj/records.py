@@ -18,6 +18,8 @@ Method = Literal[
 ]
 THROUGH = "through"
 """Key of an entry's quality: the photos through which it was found, where it was."""
+PROOF = "proof"
+"""Key of an entry's quality: what speaks for and against its camera."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from texproj.errors import InputError
-from texproj.records import CameraRecord, Fit
+from texproj.records import PROOF, CameraRecord, Fit
 from texproj.stages.attending import PhotoFaultError, attended
 from texproj.stages.bench import Workbench
 from texproj.stages.lineage import FAULT
@@ -76,3 +76,11 @@ def record_of(job: Job, found: Search, why: dict[str, Any]) -> CameraRecord:
         return failed_record(job.project, job.name, start, quality)
     make = registered_record if found.fit.accepted else refused_record
     return make(job.project, job.name, start, found.fit)
+
+
+def noted(record: CameraRecord, proof: Mapping[str, Any], note: str) -> CameraRecord:
+    """An entry with more of what speaks for its camera, and a note, if it is not empty."""
+    known = record.quality.get(PROOF, {})
+    told = dict.fromkeys(filter(None, [record.quality.get("reason", ""), note]))
+    quality = {**record.quality, PROOF: {**known, **proof}, "reason": "; ".join(told)}
+    return replace(record, quality=quality)

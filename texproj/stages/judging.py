@@ -19,10 +19,9 @@ from texproj.register.proof.camps import Ruling
 from texproj.register.proof.judge import judge
 from texproj.render import GBuffer
 from texproj.stages.agreeing import can_be_read
+from texproj.stages.attending import PhotoFaultError, attended
 from texproj.stages.bench import Workbench
 
-PROOF = "proof"
-"""Key of an entry's quality: what speaks for and against its camera."""
 SURE_SUPPORT = 0.33
 """Share of the mesh's edges in place from which on they bear a photo out."""
 ASKED = 4
@@ -60,8 +59,10 @@ def judgements(
     sure = [k for k, name in enumerate(names) if _by_edges(registered[name]) >= SURE_SUPPORT]
     asked = [k for k, name in enumerate(names) if name in new]
     told = {k: Ruling() for k in asked}
-    if len(names) > 1:
-        told |= judge(cameras, load, render, asked, sure)
+    try:
+        told |= attended("all photos", lambda: judge(cameras, load, render, asked, sure))
+    except PhotoFaultError:  # the log has it; a camera is not refused for that
+        return {}
     return {
         names[k]: Judgement(_proof(registered[names[k]], ruling, names), *_words(ruling, names))
         for k, ruling in told.items()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 from texproj.project import Project
 from texproj.records import CameraRecord, Fit
@@ -14,6 +15,7 @@ from texproj.stages.attempts import (
     as_placed,
     by_agreement,
     by_features,
+    noted,
     record_of,
     searched,
 )
@@ -76,7 +78,8 @@ def register_photos(
             run.attend_by_agreement() or run.attend_together(run.newly_failed, run.registered)
         ):
             run.attend_through_others()
-        run.judge()
+        if run.judge() and run.asked in (AUTO, "features"):
+            run.attend_through_others()
         run.tell_what_it_rests_on()
     progress(STAGE, len(chosen), len(chosen), "")
     project.save_hashes()
@@ -94,8 +97,7 @@ class _Run:
     waiting: those without an outcome; shaken: those of them that were found through others before,
     so that their old cameras prove nothing; own: what came of what was tried before others were
     asked; places: the photos from whose place each was tried already; faulty: those that met a
-    fault, alone or in a block; judged: those that the others were asked about; disagreeing: those
-    that were sought by agreement last.
+    fault, alone or in a block; disagreeing: those that were sought by agreement last.
     """
 
     def __init__(
@@ -120,7 +122,6 @@ class _Run:
         self.blocks: dict[str, tuple[str, ...]] = {}
         self.failed_with: dict[str, Evidence] = {}
         self.faulty: set[str] = set()
-        self.judged: set[str] = set()
         self.disagreeing: Names = ()
 
     # --- what is known
@@ -229,50 +230,46 @@ class _Run:
             self.attend(name, partial(as_placed, self.continued(name, search)))
         return bool(found)
 
-    def judge(self) -> None:
-        """Ask the registered photos about those that were registered in this run; what they
-        contradict is refused, and may be found through them.
-        """
-        new = [n for n, o in self.outcomes.items() if not (o.failed or o.kept or n in self.judged)]
-        if not new:
-            return
-        from texproj.stages.judging import PROOF, judgements  # noqa: PLC0415 - slow to load
+    @property
+    def new(self) -> Names:
+        """The photos that were registered in this run."""
+        return tuple(n for n, o in self.outcomes.items() if not (o.failed or o.kept))
 
-        self.judged |= set(new)
-        for name, told in judgements(self.bench, self.registered, new).items():
-            record, trace = self.entries[name], self.traces[name]
-            assert trace is not None
+    def judge(self) -> bool:
+        """Ask the registered photos about the new ones; what they contradict is refused, and may be
+        found through them. Returns whether any was.
+        """
+        if not self.new or len(self.registered) < 2:
+            return False
+        from texproj.stages.judging import judgements  # noqa: PLC0415 - slow to load
+
+        found = judgements(self.bench, self.registered, self.new)
+        for name, told in found.items():
             if told.refusal:
-                search = Search(None, (told.refusal,), trace.tried)
-                self.own[name] = search
-                self.judged.discard(name)
-                self.attend(name, partial(as_placed, search))
+                trace = self.traces[name]
+                self.own[name] = Search(None, (told.refusal,), trace.tried if trace else ())
+                self.attend(name, partial(as_placed, self.own[name]))
             else:
-                self.note(name, replace(record, quality={**record.quality, PROOF: told.proof}),
-                          told.note)  # fmt: skip
+                self.note(name, told.proof, told.note)
+        return any(told.refusal for told in found.values())
 
     def tell_what_it_rests_on(self) -> None:
         """Note it with the photos of this run where the mesh does not tell their place."""
-        new = [n for n in self.judged if not self.outcomes[n].failed]
-        if not new:
+        if not self.new:
             return
-        from texproj.stages.judging import PROOF, rests_on  # noqa: PLC0415 - slow to load
+        from texproj.stages.judging import rests_on  # noqa: PLC0415 - slow to load
 
         what = rests_on(self.bench, self.registered)
-        for name in new if what else ():
-            record = self.entries[name]
-            proof = {**record.quality.get(PROOF, {}), "rests_on": what}
-            note = what if record.method != "features" else ""
-            self.note(name, replace(record, quality={**record.quality, PROOF: proof}), note)
+        for name in self.new if what else ():
+            by_itself = self.entries[name].method != "features"
+            self.note(name, {"rests_on": what}, what if by_itself else "")
 
-    def note(self, name: str, record: CameraRecord, note: str) -> None:
-        """An entry with more to tell; its camera is the same."""
-        reason = "; ".join(filter(None, [record.quality.get("reason", ""), note]))
-        record = replace(record, quality={**record.quality, "reason": reason})
-        trace = self.traces[name]
+    def note(self, name: str, proof: dict[str, Any], note: str) -> None:
+        """More to tell of a photo; its camera is the same."""
+        record, trace = noted(self.entries[name], proof, note), self.traces[name]
         assert trace is not None
         self.entries[name] = record
-        self.outcomes[name] = PhotoOutcome(name, record, self.outcomes[name].kept, reason)
+        self.outcomes[name] = PhotoOutcome(name, record, False, record.quality["reason"])
         self.keeper.add(record, trace)
 
     def attend_alone(self) -> None:

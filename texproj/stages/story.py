@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from texproj.records import PROOF, THROUGH
 from texproj.stages.outcomes import PhotoOutcome
 
 MOST_NAMED = 8
@@ -20,6 +21,7 @@ def story(photos: Sequence[PhotoOutcome], refined: bool, left_out: Mapping[str, 
     parts = [*_blocks(found), *_others(found)]
     if refined and (errors := _errors_px(found)):
         parts.append(f"refined to {np.median(errors):.1f} px")
+    parts += _rests_on(found)
     if left_out:
         parts.append(_left_out(left_out))
     return "; ".join(parts)
@@ -31,9 +33,12 @@ def _blocks(found: Sequence[PhotoOutcome]) -> Iterator[str]:
     if not placed:
         return
     sure = next((q for q in placed if "rival" in q), None)
-    how = "held by registered ones" if sure is None else (
-        f"structure {sure['support']:.0%}, next best place {sure['rival']:.0%}"
-    )  # fmt: skip
+    if sure is not None:
+        how = f"structure {sure['support']:.0%}, next best place {sure['rival']:.0%}"
+    elif any(THROUGH in quality for quality in placed):
+        how = "held by registered ones"
+    else:
+        how = "from rough cameras to where they agree with each other"
     yield f"{len(placed)} photos overlap; placed as one block on the scan ({how})"
 
 
@@ -42,6 +47,12 @@ def _others(found: Sequence[PhotoOutcome]) -> Iterator[str]:
     counts = {method: methods.count(method) for method in dict.fromkeys(methods)}
     if counts:
         yield ", ".join(f"{count} found by {method}" for method, count in counts.items())
+
+
+def _rests_on(found: Sequence[PhotoOutcome]) -> list[str]:
+    """What the place on the mesh rests on, where the mesh does not tell it."""
+    told = [photo.record.quality.get(PROOF, {}).get("rests_on") for photo in found]
+    return list(dict.fromkeys(one for one in told if one))
 
 
 def _errors_px(found: Sequence[PhotoOutcome]) -> list[float]:

@@ -42,8 +42,11 @@ LEAST_CHANCE = 0.08
 AGREE, ODDS = 0.25, 1e-5
 """Share that agrees, and probability that chance does as well, from which on a pair agrees: right
 cameras of real scenes have .3 to .9, wrong ones .05 to .16."""
-NOTHING = 1.5
-"""Up to this multiple of chance a pair shows nothing of the same."""
+CHANCE_ODDS = 1e-3
+"""Probability of chance above which it explains what agrees ..."""
+RIGHT_SHARE, RIGHT_ODDS = 0.35, 0.02
+"""... and share that right cameras have at least, with the probability below which they do not
+explain it: then a pair shows nothing of the same."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +80,9 @@ class Agreement:
 
     @property
     def contradicts(self) -> bool:
-        return self.tells and self.share <= NOTHING * self.chance
+        """Chance explains what agrees, right cameras do not."""
+        right = float(stats.binom.cdf(self.together, self.sought, RIGHT_SHARE))
+        return self.tells and self.odds >= CHANCE_ODDS and right < RIGHT_ODDS
 
 
 def agreement(i: int, j: int, views: Lookup) -> Agreement:
