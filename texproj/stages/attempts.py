@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from texproj.errors import InputError
 from texproj.records import PROOF, CameraRecord, Fit
@@ -15,6 +15,9 @@ from texproj.stages.lineage import FAULT
 from texproj.stages.methods import METHODS, Job, Search, search_as_asked
 from texproj.stages.outcomes import UNUSABLE, failed_record, refused_record, registered_record
 from texproj.stages.progress import Progress
+
+if TYPE_CHECKING:
+    from texproj.stages.judging import Judgement
 
 Placing = Callable[
     [Workbench, Sequence[str], Mapping[str, CameraRecord], Progress], Mapping[str, Fit | str]
@@ -44,6 +47,22 @@ def by_agreement(
     from texproj.stages.agreeing import placed_by_agreement  # noqa: PLC0415 - slow to load
 
     return placed_by_agreement(bench, names, registered, progress)
+
+
+def judged(
+    bench: Workbench, registered: Mapping[str, CameraRecord], new: Collection[str]
+) -> Mapping[str, Judgement]:
+    """What the registered photos say of those of them that are new."""
+    from texproj.stages.judging import judgements  # noqa: PLC0415 - slow to load
+
+    return judgements(bench, registered, new)
+
+
+def told_rests_on(bench: Workbench, registered: Mapping[str, CameraRecord]) -> str:
+    """What the place on the mesh rests on where the mesh does not tell it; empty where it does."""
+    from texproj.stages.judging import rests_on  # noqa: PLC0415 - slow to load
+
+    return rests_on(bench, registered)
 
 
 def by_features(job: Job) -> Search:

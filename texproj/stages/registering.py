@@ -15,9 +15,11 @@ from texproj.stages.attempts import (
     as_placed,
     by_agreement,
     by_features,
+    judged,
     noted,
     record_of,
     searched,
+    told_rests_on,
 )
 from texproj.stages.attending import PhotoFaultError, attended
 from texproj.stages.bench import Workbench
@@ -80,6 +82,7 @@ def register_photos(
             run.attend_through_others()
         if run.judge() and run.asked in (AUTO, "features"):
             run.attend_through_others()
+            run.judge()
         run.tell_what_it_rests_on()
     progress(STAGE, len(chosen), len(chosen), "")
     project.save_hashes()
@@ -97,7 +100,8 @@ class _Run:
     waiting: those without an outcome; shaken: those of them that were found through others before,
     so that their old cameras prove nothing; own: what came of what was tried before others were
     asked; places: the photos from whose place each was tried already; faulty: those that met a
-    fault, alone or in a block; disagreeing: those that were sought by agreement last.
+    fault, alone or in a block; disagreeing: those that were sought by agreement last; notes:
+    what the others say of each.
     """
 
     def __init__(
@@ -123,6 +127,7 @@ class _Run:
         self.failed_with: dict[str, Evidence] = {}
         self.faulty: set[str] = set()
         self.disagreeing: Names = ()
+        self.notes: dict[str, str] = {}
 
     # --- what is known
 
@@ -241,28 +246,26 @@ class _Run:
         """
         if not self.new or len(self.registered) < 2:
             return False
-        from texproj.stages.judging import judgements  # noqa: PLC0415 - slow to load
-
-        found = judgements(self.bench, self.registered, self.new)
+        found = judged(self.bench, self.registered, self.new)
         for name, told in found.items():
             if told.refusal:
                 trace = self.traces[name]
                 self.own[name] = Search(None, (told.refusal,), trace.tried if trace else ())
                 self.attend(name, partial(as_placed, self.own[name]))
             else:
-                self.note(name, told.proof, told.note)
+                self.note(name, told.proof, "")
+                self.notes[name] = told.note
         return any(told.refusal for told in found.values())
 
     def tell_what_it_rests_on(self) -> None:
         """Note it with the photos of this run where the mesh does not tell their place."""
         if not self.new:
             return
-        from texproj.stages.judging import rests_on  # noqa: PLC0415 - slow to load
-
-        what = rests_on(self.bench, self.registered)
-        for name in self.new if what else ():
+        what = told_rests_on(self.bench, self.registered)
+        for name in self.new:
             by_itself = self.entries[name].method != "features"
-            self.note(name, {"rests_on": what}, what if by_itself else "")
+            told = filter(None, [self.notes.get(name), what if by_itself else ""])
+            self.note(name, {"rests_on": what} if what else {}, "; ".join(told))
 
     def note(self, name: str, proof: dict[str, Any], note: str) -> None:
         """More to tell of a photo; its camera is the same."""

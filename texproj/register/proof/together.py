@@ -25,6 +25,8 @@ from texproj.render import Render
 SIZES_PX = (192, 384)
 """Working sizes, each used at once and at twice: a patch is sought up to 4 % of the width away at
 first, 26 pixels of 640."""
+PARTNERS = 4
+"""With how many others a photo is compared at most."""
 FIRST_PERCENT = 3.0
 """How far a rough camera is taken to be off at first, percent of the longer side."""
 LEAST_PERCENT = 0.1
@@ -63,7 +65,7 @@ def brought_together(
     free = ~np.array(fixed, bool)
     now, error, moved = tuple(cameras), np.full(len(cameras), np.nan), FIRST_PERCENT
     for size in SIZES_PX:
-        coarse = replace(options, working_px=size)
+        coarse = replace(options, working_px=size, partners=min(PARTNERS, options.partners))
         found = refine(now, list(sigma), fixed, lenses, load_photo, render, coarse)
         now, error = found.cameras, _errors(found)
         shift = _motion_px(cameras, now, points)
