@@ -19,6 +19,7 @@ from bench_registration import disturbed, load, mirrored, photo
 
 from texproj.camera import Camera
 from texproj.photo import Photo
+from texproj.register.joint.lenses import PhotoStart
 from texproj.register.joint.refine import Refined, refine
 from texproj.register.structure.register import register_structure
 
@@ -71,8 +72,8 @@ def joined(
         picture = photo(folder / "photos" / names[number], longest)
         return mirrored(picture) if names[number] in turned else picture
 
-    count = len(names)
-    return refine(cameras, sigma, [False] * count, [0] * count, read, scene.render)
+    starts = [PhotoStart(c, px, given=True) for c, px in zip(cameras, sigma, strict=True)]
+    return refine(starts, read, scene.render)
 
 
 def show(label: str, scene, names: Sequence[str], cameras: Sequence[Camera]) -> None:

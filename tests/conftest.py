@@ -2,9 +2,11 @@
 
 import os
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 
 CHECKOUT = Path(__file__).resolve().parent.parent
 
@@ -24,17 +26,42 @@ def real_data():
 
 
 @pytest.fixture(scope="session")
-def demo_folder(tmp_path_factory):
+def made_once(tmp_path_factory):
+    """`made_once(name, make)`: a folder that `make(folder)` fills, once for all processes that run
+    tests, not once in each.
+    """
+    root = tmp_path_factory.getbasetemp()
+    root = (root.parent if "PYTEST_XDIST_WORKER" in os.environ else root) / "once"
+
+    def folder_of(name: str, make: Callable[[Path], None]) -> Path:
+        place, folder = root / name, root / name / "stele"
+        place.mkdir(parents=True, exist_ok=True)
+        with FileLock(place / "lock"):
+            if not (place / "done").exists():
+                shutil.rmtree(folder, ignore_errors=True)  # of a process whose making failed
+                make(folder)
+                (place / "done").touch()
+        return folder
+
+    return folder_of
+
+
+@pytest.fixture(scope="session")
+def demo_folder(made_once):
     """A small synthetic project with truth, made once; copy it before you change it."""
     from texproj.demo import write_demo
     from texproj.options import DemoOptions
 
-    folder = tmp_path_factory.mktemp("demo") / "stele"
     options = DemoOptions(
-        photos=4, starts=True, paint=1, long_side=640, faces=6000, carved_faces=60_000
+        object="stele",
+        photos=4,
+        starts=True,
+        paint=1,
+        long_side=640,
+        faces=6000,
+        carved_faces=60_000,
     )
-    write_demo(folder, options)
-    return folder
+    return made_once("small", lambda folder: write_demo(folder, options))
 
 
 @pytest.fixture
@@ -50,11 +77,29 @@ def sample():
 
 
 @pytest.fixture(scope="session")
-def stele(sample, tmp_path_factory):
+def stele(sample, made_once):
     """A copy of the sample project that `texproj run` has been through; copy it to change it."""
     from texproj.cli import main
 
-    made = shutil.ignore_patterns("work", "out")
-    folder = shutil.copytree(sample, tmp_path_factory.mktemp("sample") / "stele", ignore=made)
-    assert main(["run", str(folder)]) == 0
-    return folder
+    def make(folder: Path) -> None:
+        shutil.copytree(sample, folder, ignore=shutil.ignore_patterns("work", "out"))
+        assert main(["run", str(folder)]) == 0
+
+    return made_once("sample", make)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Chromium with software WebGL, on the page as its sources are now."""
+    from browsing import chromium
+
+    with chromium() as found:
+        yield found
+
+
+@pytest.fixture(scope="session")
+def page_template(tmp_path_factory):
+    """The project of the page's tests; copy it before you change it."""
+    from browsing import make_page_project
+
+    return make_page_project(tmp_path_factory.mktemp("template") / "blocks")

@@ -12,7 +12,7 @@ import numpy as np
 from texproj.formats.models import read_model
 from texproj.project import Project
 from texproj.render import GBuffer, render_model
-from texproj.report.pictures import PAPER, encoded, on_paper
+from texproj.report.pictures import BACKDROP, encoded, on_backdrop
 from texproj.stages.bench import Workbench
 
 PICTURE = Path(__file__).resolve().parent.parent / "docs" / "demo.jpg"
@@ -33,7 +33,7 @@ def main() -> None:
         small = camera.resized(photo.width, photo.height)
         bare = shaded(bench.scene.gbuffer(small, ("normal", "ao")))
         model = read_model(project.out / "model.glb")
-        colored = on_paper(render_model(bench.renderer, model, small, samples=3))
+        colored = on_backdrop(render_model(bench.renderer, model, small, samples=3))
     gap = np.full((small.height, GAP, 3), 255, np.uint8)
     row = np.concatenate([encoded(photo), gap, bare, gap, colored], axis=1)
     PICTURE.parent.mkdir(exist_ok=True)
@@ -45,7 +45,9 @@ def shaded(images: GBuffer) -> np.ndarray:
     normal, ao = images.require("normal"), images.require("ao")
     light = (AMBIENT + (1 - AMBIENT) * np.abs(normal[..., 2])) * ao
     grey = np.round(255 * light.clip(0, 1)).astype(np.uint8)
-    return np.where((normal == 0).all(axis=-1), np.uint8(PAPER), grey)[..., None].repeat(3, axis=2)
+    return np.where((normal == 0).all(axis=-1), np.uint8(BACKDROP), grey)[..., None].repeat(
+        3, axis=2
+    )
 
 
 if __name__ == "__main__":

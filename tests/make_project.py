@@ -1,6 +1,6 @@
 """Make projects/stele again: python tests/make_project.py projects/stele
 
-The demo's stone and its photographer, with six photos that overlap, as somebody takes them who
+A stele and the demo's photographer, with six photos that overlap, as somebody takes them who
 walks along the front. One photo has picks, one a rough camera; the others have nothing.
 """
 

@@ -12,6 +12,7 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from texproj.cli.commands import app
+from texproj.formats.interchange import FORMATS
 from texproj.options import is_expert
 from texproj.settings import SECTIONS
 
@@ -71,8 +72,22 @@ def _toml(value: Any) -> str:
     return f'"{value}"' if isinstance(value, str) else str(value)
 
 
+def camera_formats() -> str:
+    """A table of the formats in which cameras come and go."""
+    lines = [
+        "| `--format` | programs | files | import | export | read by |",
+        "|---|---|---|---|---|---|",
+    ]
+    for form in FORMATS:
+        ways = ("yes" if way else "" for way in (form.read, form.write))
+        cells = (f"`{form.name}`", form.programs, form.files, *ways, form.accepted)
+        lines.append(f"| {' | '.join(cells)} |".replace("|  |", "| |"))
+    return "\n".join(lines)
+
+
 GENERATED = {
     "README.md": {"commands": commands},
+    "docs/files.md": {"camera formats": camera_formats},
     "docs/settings.md": {"settings": settings, "expert settings": expert_settings},
 }
 """What stands between `<!-- name -->` and `<!-- end of name -->` in which file."""

@@ -105,7 +105,7 @@ def test_a_wrong_mesh_is_refused(which, monkeypatch):
         assert not fit.accepted
         reason = fit.reason
 
-    assert "pick 4 points" in reason
+    assert "pick 8 points" in reason
 
 
 @lru_cache(maxsize=1)

@@ -129,7 +129,7 @@ def test_neighbors_come_by_what_they_show(motion):
     graph = motion[0].graph
     assert graph.neighbors("0001.jpg")[0] == "0002.jpg"
     assert graph.count("0002.jpg", "0001.jpg") == graph.matches["0001.jpg", "0002.jpg"] > 50
-    assert PhotoGraph({("a", "b"): 20, ("a", "c"): 30}).neighbors("a") == ("c", "b")
+    assert PhotoGraph({("a", "b"): 40, ("a", "c"): 60}).neighbors("a") == ("c", "b")
     assert graph.neighbors("unknown.jpg") == ()
 
 

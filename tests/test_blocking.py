@@ -111,7 +111,7 @@ def test_one_registered_photo_holds_all_others(placed, sample, tmp_path):
 
 def test_a_wrong_registration_pulls_no_other_along(placed, sample, tmp_path, monkeypatch):
     """One photo claims 3 px and is off by 25: the others are not put where it says but sought all
-    over the mesh, and say which photo they do not bear out.
+    over the mesh, and it is put there with them, and says why.
     """
     project = without_starts(sample, tmp_path / "stele")
     shutil.copytree(placed[0].work / "block", project.work / "block")
@@ -132,8 +132,9 @@ def test_a_wrong_registration_pulls_no_other_along(placed, sample, tmp_path, mon
         found = place_together(bench, names, {"IMG_0003.jpg": record}, silent)
 
     assert [set(part) for part in sought] == [set(project.photo_names)]
-    assert set(found) == set(names)
-    assert all("IMG_0003.jpg is registered where" in fit.reason for fit in found.values())
+    assert set(found) == set(project.photo_names)
+    assert {name for name, fit in found.items() if fit.reason} == {"IMG_0003.jpg"}
+    assert "not borne out by the other photos" in found["IMG_0003.jpg"].reason
 
 
 def test_photos_of_another_thing_are_refused_together(placed, sample, tmp_path):

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 
+from texproj.cli import talk
 from texproj.cli.progress import LINE_EVERY_S, progress_lines
 
 
@@ -47,3 +48,13 @@ def test_a_command_loads_no_more_than_it_needs():
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
 
     assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_names_do_not_command_the_terminal(capsys):
+    """Escapes, returns and what is no UTF-8 are written out; line breaks and accents stay."""
+    talk.say("a\x1b[2Jb\rc\udcff\nd\u202eé中")
+    talk.complain("x\x07")
+
+    said = capsys.readouterr()
+    assert said.out == "a\\x1b[2Jb\\rc\\udcff\nd\\u202eé中\n"
+    assert said.err == "texproj: x\\x07\n"

@@ -276,7 +276,7 @@ def test_the_surface_gets_its_even_light_back(cpu, dist):
 
 def test_a_clipped_photo_does_not_bleach(cpu):
     """One photo of four a stop over, three quarters of it clipped: its gain is within 1 % and the
-    colors within 3 %, where a plain mean that trusts it is off by more than 5 %.
+    colors within 4 %, where a plain mean that trusts it is off by more than 5 %.
     """
     views = [camera(c) for c in VIEWS]
     photos = [picture(view) for view in views]
@@ -289,7 +289,7 @@ def test_a_clipped_photo_does_not_bleach(cpu):
     mesh = plane()
     truth = pattern(mesh.vertices[:, 0], mesh.vertices[:, 1]) * gains[0]
     sure = result.photo_count > 2
-    assert np.abs(result.rgb / truth - 1)[sure].max() < 0.03
+    assert np.abs(result.rgb / truth - 1)[sure].max() < 0.04
     plain = colored(views, photos, cpu, blend="mean", clipped_weight=1.0)
     assert np.abs(plain.rgb / truth - 1)[sure].max() > 0.05
 

@@ -1,5 +1,6 @@
 """Color of photos with all usual defects against the truth, on a synthetic piece."""
 
+import cv2
 import numpy as np
 import pytest
 from color_synthetic import colored
@@ -11,8 +12,10 @@ from color_truth import (
     true_points,
     true_views,
 )
+from photo_sets import photo_set
 from scenes import Defects
 
+from texproj.color.occluders.in_front import find_occluders
 from texproj.mesh import ColoredMesh
 from texproj.options import ColorOptions, RenderOptions
 from texproj.photo import srgb_from_linear
@@ -51,6 +54,28 @@ def test_texture_is_near_the_truth(textured):
     assert 0.5 < textured.median < 1.5
     assert 2.0 < textured.p95 < 6.5
     assert textured.share > 0.98
+
+
+def test_the_visitor_is_cut_out_and_nothing_else(data, renderer):
+    """Of what the visitor hides nothing is left but the outermost edge, of the photo's other area
+    less than 2 % is lost, and in the six other photos, one of them blurred, nothing is found.
+    """
+    found = find_occluders(data.mesh, photo_set(data.cameras, data.photos), renderer)
+
+    assert list(found) == ["2"]
+    hidden = found["2"].free == 0
+    with renderer.load(data.mesh) as scene:
+        depth = scene.gbuffer(data.cameras[2], ("depth",)).require("depth")
+    size = hidden.shape[::-1]
+    on_mesh, piece = (
+        cv2.resize(image.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
+        for image in (np.isfinite(depth), data.masks[2])
+    )
+    kernel = np.ones((3, 3), np.uint8)
+    visitor = cv2.erode((on_mesh & ~piece).astype(np.uint8), kernel, iterations=2) > 0
+    assert 0.1 < visitor.sum() / on_mesh.sum() < 0.3
+    assert hidden[visitor].mean() > 0.998
+    assert (hidden & piece).sum() < 0.02 * piece.sum()
 
 
 def test_vertices_are_near_the_truth(data, renderer):

@@ -202,7 +202,7 @@ def test_defocus_keeps_light_and_removes_detail():
     assert np.abs(np.diff(soft, axis=1)).mean() < 0.6 * np.abs(np.diff(sharp, axis=1)).mean()
 
 
-@pytest.mark.parametrize("kind", ["stele", "capital"])
+@pytest.mark.parametrize("kind", ["shrine", "stele", "capital"])
 def test_pieces_are_closed_and_as_fine_as_asked(kind):
     """Every edge has two faces that run it in opposite directions, outside is outside, and no
     part hangs in the air.

@@ -43,8 +43,7 @@ def written(kind: str, camera: Camera, tmp_path):
 def read_back(kind: str, folder, size=(WIDTH, HEIGHT)):
     names = {"bundler": "bundle.out", "meshlab": "cameras.mlp", "metashape": "cameras.xml",
              "realityscan": "cameras.csv", "nerfstudio": "transforms.json"}  # fmt: skip
-    reader = kind.removesuffix("-binary")
-    return READERS[reader](folder / names.get(reader, ""), lambda name: size)
+    return READERS[kind](folder / names.get(kind, ""), lambda name: size)
 
 
 def parameters(camera: Camera) -> np.ndarray:

@@ -128,4 +128,12 @@ def test_a_photo_of_another_place_stands_apart():
     assert not graph.stands_apart("x", {"a", "y"})
     assert not graph.stands_apart("a", {"a", "b"})
     assert not graph.stands_apart("z", {"a", "b"})
+
+
+def test_a_few_matches_make_no_partners():
+    """Photos of two places had up to 20 verified matches: chance."""
+    graph = PhotoGraph({("a", "b"): 300, ("b", "x"): 20}, frozenset("abx"))
+
+    assert graph.neighbors("b") == ("a",)
+    assert graph.neighbors("x") == ()
     assert not graph.stands_apart("x", {"z"})

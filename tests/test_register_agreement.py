@@ -11,16 +11,19 @@ from block_scenes import relief
 from painted_scenes import cushion_scene, prior, turn_about_z, turned, vase, vase_scene
 
 from texproj.demo.views import disturbed
+from texproj.errors import RegistrationError
 from texproj.mesh import Mesh
 from texproj.options import RefineOptions
 from texproj.records import PROOF
 from texproj.register.block.scan_samples import ScanSamples
 from texproj.register.block.slides import slides, untold
+from texproj.register.joint.lenses import PhotoStart
 from texproj.register.proof.agreement import Agreement
 from texproj.register.proof.camps import rulings
 from texproj.register.proof.judge import judge
 from texproj.register.proof.together import brought_together
 from texproj.render.rays import CPURenderer
+from texproj.stages import methods
 from texproj.stages.bench import Workbench
 from texproj.stages.registering import register_photos
 
@@ -31,7 +34,7 @@ TURN_DEG = 37.0
 @lru_cache(maxsize=1)
 def vases():
     """Five photos of a vase, and its scan ready to be rendered."""
-    scene = vase_scene(5, 80.0, long_side=420, fine=210)
+    scene = vase_scene(5, 80.0, long_side=400, fine=160)
     return scene, CPURenderer().load(scene.scan, np.ones(len(scene.scan.vertices), np.float32))
 
 
@@ -129,19 +132,20 @@ def test_rough_cameras_of_a_patterned_cushion_come_to_agree():
     """From 3 % off to less than .1 %, and the told error is of that size; one that was far beyond
     reach is not confirmed.
     """
-    scene = cushion_scene(5, long_side=420, fine=120)
+    scene = cushion_scene(5, long_side=360, fine=100)
     drawn = CPURenderer().load(scene.scan)
     names, points = list(scene.cameras), scene.scan.vertices[::37]
     starts = [
-        disturbed(c, points, 12 if k else 80, np.random.default_rng([7, k]))
+        disturbed(c, points, 10 if k else 80, np.random.default_rng([7, k]))
         for k, c in enumerate(scene.cameras.values())
     ]
     found = brought_together(
-        starts, [False] * 5, [0] * 5, lambda k, longest: scene.photo(names[k]).reduced(longest),
+        [PhotoStart(start, 0.0, given=True) for start in starts],
+        lambda k, longest: scene.photo(names[k]).reduced(longest),
         lambda camera: drawn.gbuffer(camera, CHANNELS), RefineOptions(),
     )  # fmt: skip
     off = [scene.off_percent(name, c) for name, c in zip(names, found.cameras, strict=True)]
-    told = 100 * found.expected_error_px / 420
+    told = 100 * found.expected_error_px / 360
 
     assert max(off[1:]) < 0.1 < off[0]
     assert not found.rulings[0].agree
@@ -182,21 +186,29 @@ def test_a_vase_says_that_its_place_rests_on_picks(picked):
     assert any("rests on your picks" in outcome.reason for outcome in outcomes.values())
 
 
-def test_rough_cameras_of_a_cushion_are_registered_by_agreement(tmp_path):
-    """By `register` itself, where the mesh's edges tell nothing."""
-    scene = cushion_scene(4, long_side=420, fine=120)
+def test_rough_cameras_of_a_cushion_are_registered_by_agreement(tmp_path, monkeypatch):
+    """By `register` itself, after the mesh's edges told nothing (that they do not: the benchmark);
+    a second run finds nothing to do.
+    """
+
+    def no_edges(_job, _start):
+        raise RegistrationError("nothing in the photo looks like the mesh")
+
+    monkeypatch.setattr(methods, "_from_camera", no_edges)
+    scene = cushion_scene(3, long_side=360, fine=100)
     points = scene.scan.vertices[::37]
     starts = [
-        prior(name, disturbed(c, points, 8.0, np.random.default_rng([7, k])))
+        prior(name, disturbed(c, points, 6.0, np.random.default_rng([7, k])))
         for k, (name, c) in enumerate(scene.cameras.items())
     ]
     project = scene.written(tmp_path / "p", starts=starts)
     with Workbench(project) as bench:
-        outcomes = register_photos(bench)
+        first = register_photos(bench)
         again = register_photos(bench)
     entries = project.load_cameras()
 
-    assert not any(outcome.failed for outcome in outcomes)
+    assert not any(outcome.failed for outcome in first)
     assert all(outcome.kept for outcome in again)
     assert {entry.method for entry in entries.values()} == {"block"}
-    assert max(scene.off_percent(name, e.camera) for name, e in entries.items()) < 0.2
+    assert all(entry.quality[PROOF]["by"] == ["other photos"] for entry in entries.values())
+    assert max(scene.off_percent(name, e.camera) for name, e in entries.items()) < 0.3

@@ -44,7 +44,7 @@ def test_a_photo_of_something_else_is_refused(known):
     """Another piece of the same stone: nothing in it is what the others show."""
     _, others = known
     foreign = synthetic_pair(1, "capital", seed=3, long_side=720).photos[0]
-    with pytest.raises(RegistrationError, match="pick 4 points"):
+    with pytest.raises(RegistrationError, match="pick 8 points"):
         fit = register_features(foreign.info, find_features(foreign.gray()), others, None)
         if not fit.accepted:
             raise RegistrationError(fit.reason)

@@ -245,7 +245,7 @@ def test_too_few_picks(n):
     scene = Scene(0, n=max(n, 1))
     picks = Correspondences(scene.xy[:n], scene.xyz[:n])
     text = refusal(picks, start=Pose(scene.R, scene.t))
-    assert f"{n} pick" in text and "at least 4" in text
+    assert f"{n} pick" in text and "pick 8 points" in text
 
 
 def test_pick_outside_the_photo_is_named():

@@ -7,6 +7,7 @@ from scenes import exposure_round, synthetic_pair
 
 from texproj.camera import Camera
 from texproj.options import RefineOptions, RenderOptions
+from texproj.register.joint.lenses import PhotoStart
 from texproj.register.joint.overlap import choose_partners
 from texproj.register.joint.refine import refine
 from texproj.render import open_renderer
@@ -52,7 +53,7 @@ def refined(foreign: bool):
 
     with open_renderer(RenderOptions()) as renderer, renderer.load(data.mesh) as scene:
         found = refine(
-            start, [2.0] * 7, [False] * 7, [c.intrinsics.fx for c in start], load,
+            [PhotoStart(c, 2.0, c.intrinsics.fx, given=True) for c in start], load,
             lambda c: scene.gbuffer(c, ("depth", "normal")), OPTIONS,
         )  # fmt: skip
     return data, start, found

@@ -170,7 +170,7 @@ def test_photo_of_something_else_is_refused(wall):
     other = Wall(2)
     strange = other.photo(other.camera.resized(*SIZE))
 
-    with pytest.raises(RegistrationError, match="pick 4 points") as refused:
+    with pytest.raises(RegistrationError, match="pick 8 points") as refused:
         fit = register_structure(strange, moved(wall.camera, (1, 1, 0)), wall.render)
         assert not fit.accepted
         raise RegistrationError(fit.reason)
@@ -224,7 +224,7 @@ def test_start_that_sees_nothing_is_an_error(wall, photo):
     """A start that looks the other way gives an error that says what to do."""
     away = moved(wall.camera, (0, 180, 0))
 
-    with pytest.raises(RegistrationError, match=r"wall\.jpg: .*pick 4 points"):
+    with pytest.raises(RegistrationError, match=r"wall\.jpg: .*pick 8 points"):
         register_structure(photo, away, wall.render)
 
 
@@ -237,7 +237,7 @@ def test_verify_knows_right_from_wrong(wall, photo):
 
     assert right.registered
     assert not bad.registered
-    assert "pick 4 points" in bad.reason
+    assert "pick 8 points" in bad.reason
     assert bad.support < 0.2 < right.support
 
 

@@ -14,7 +14,9 @@ from texproj.project import Project
 from texproj.stages.bench import Workbench
 from texproj.stages.running import run_project
 
-SMALL = DemoOptions(photos=6, starts=True, paint=1, long_side=720, faces=8000, carved_faces=80_000)
+SMALL = DemoOptions(
+    object="stele", photos=6, starts=True, paint=1, long_side=720, faces=8000, carved_faces=80_000
+)
 
 
 def with_options(project: Project, **sections) -> Project:
@@ -50,7 +52,7 @@ def errors_percent(project: Project) -> dict[str, float]:
 def finished(tmp_path_factory):
     """Picks in half of the photos, rough cameras for the others, all around."""
     folder = tmp_path_factory.mktemp("stages") / "stele"
-    write_demo(folder, DemoOptions(photos=9, starts=True, paint=1, long_side=960))
+    write_demo(folder, DemoOptions(object="stele", photos=9, starts=True, paint=1, long_side=960))
     project = Project.open(folder)
     with Workbench(project) as bench:
         outcome = run_project(bench)
@@ -104,7 +106,6 @@ def test_the_texture_shows_the_paint(finished):
     assert outcome.color.quality["seen"] > 0.85
     assert np.median(close) < 14
     assert gain.min() > 0.6 and gain.max() < 1.6
-    # the visitor's coat stays where only that photo sees the niche
     assert np.corrcoef(made[:, 2], truth[:, 2])[0, 1] > 0.85
 
 

@@ -11,9 +11,15 @@ from texproj.errors import InputError, OutputError, TexprojError, UsageError
 from texproj.files import link_or_copy, write_atomically
 from texproj.formats.meshes import MESH_SUFFIXES, read_mesh
 from texproj.formats.photos import PHOTO_SUFFIXES, RAW_SUFFIXES, SAID, read_photo, read_photo_info
-from texproj.intake import find_photos, one_per_shot, shown, unusable_name
+from texproj.intake import (
+    find_photos,
+    one_per_shot,
+    refuse_same_stems,
+    shown,
+    unusable_name,
+)
 from texproj.options import DevelopOptions
-from texproj.project import SETTINGS_FILE, Project, refuse_same_stems
+from texproj.project import SETTINGS_FILE, Project
 from texproj.repair import repair
 
 Tell = Callable[[str], None]

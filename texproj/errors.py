@@ -39,6 +39,16 @@ MOST_NAMED = 40
 """Known names that one sentence lists."""
 
 
+def printable(text: str) -> str:
+    """Text that a terminal shows as it is: characters that could command it (escapes, carriage
+    returns, other controls, marks that turn the direction of writing) and bytes that are no UTF-8
+    are written as Python writes them; only line breaks stay.
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
+
+
 def excerpt(value: object, most: int = 60) -> str:
     """What a file holds, as a sentence can show it: on one line, printable, of bounded length."""
     text = value if isinstance(value, str) else repr(value)[: 4 * most]

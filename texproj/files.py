@@ -119,3 +119,12 @@ def link_or_copy(source: Path, target: Path, link: bool) -> None:
             shutil.copyfile(source, target)
     except OSError as error:
         raise OutputError(write_failure(target, error)) from error
+
+
+def read_json_object(path: Path) -> dict[str, Any]:
+    """The object in a file that the machine made; empty if it is missing or broken."""
+    try:
+        value = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return value if isinstance(value, dict) else {}

@@ -180,3 +180,34 @@ def _visible(folder: Path) -> list[Path]:
     hidden = ("thumbs.db", "desktop.ini")
     found = (path for path in folder.iterdir() if not path.name.startswith("."))
     return sorted(path for path in found if path.name.lower() not in hidden and path.is_file())
+
+
+def the_one_mesh(folder: Path, suffixes: Sequence[str], settings: Path) -> Path:
+    """The mesh in a folder. Raises InputError for none, or for more than one to choose from, which
+    the file `settings` can.
+    """
+    here = folder.iterdir() if folder.is_dir() else ()
+    files = (path for path in here if path.is_file() and not path.name.startswith("."))
+    found = sorted(path for path in files if path.suffix.lower() in suffixes)
+    if not found:
+        kinds = ", ".join(suffix[1:] for suffix in suffixes)
+        raise InputError(f"no mesh in {folder}; put one file there ({kinds})")
+    if len(found) > 1:
+        names = ", ".join(path.name for path in found)
+        raise InputError(
+            f'several meshes in {folder} ({names}); say which: mesh = "mesh/{found[0].name}" '
+            f"in {settings}"
+        )
+    return found[0]
+
+
+def refuse_same_stems(photos: Iterable[Path]) -> None:
+    """Raise InputError for two photos whose masks and picks would have the same name."""
+    stems: dict[str, Path] = {}
+    for path in photos:
+        if path.stem in stems:
+            raise InputError(
+                f"{stems[path.stem]} and {path.name} differ only in their ending, "
+                f"so masks and correspondences cannot tell them apart; rename one"
+            )
+        stems[path.stem] = path

@@ -6,7 +6,7 @@ Everything is read on demand and written to a temporary name, then renamed.
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from texproj.errors import InputError, UsageError, excerpt, nearest_name
 from texproj.files import (
     file_hash,
+    read_json_object,
     remove_unfinished,
     staging,
     write_atomically,
@@ -40,6 +41,8 @@ from texproj.intake import (
     find_picks,
     one_of,
     one_per_shot,
+    refuse_same_stems,
+    the_one_mesh,
 )
 from texproj.mesh import MeshSource
 from texproj.options import DevelopOptions
@@ -50,6 +53,7 @@ from texproj.settings import Settings, read_settings
 
 SETTINGS_FILE = "project.toml"
 CAMERAS_FILE = "cameras.json"
+MASKS_FOLDER = "masks"
 AS_USUAL = DevelopOptions()
 UNREADABLE = "cannot be read"
 """In place of the hash of a file that may not be read."""
@@ -101,18 +105,7 @@ class Project:
                     f"no mesh at {path}; correct `mesh` in {self.root / SETTINGS_FILE}"
                 )
             return path
-        folder = self.root / "mesh"
-        found = _files(folder, MESH_SUFFIXES)
-        if not found:
-            kinds = ", ".join(s[1:] for s in MESH_SUFFIXES)
-            raise InputError(f"no mesh in {folder}; put one file there ({kinds})")
-        if len(found) > 1:
-            names = ", ".join(p.name for p in found)
-            raise InputError(
-                f'several meshes in {folder} ({names}); say which: mesh = "mesh/{found[0].name}" '
-                f"in {self.root / SETTINGS_FILE}"
-            )
-        return found[0]
+        return the_one_mesh(self.root / "mesh", MESH_SUFFIXES, self.root / SETTINGS_FILE)
 
     @cached_property
     def photo_paths(self) -> dict[str, Path]:
@@ -158,7 +151,7 @@ class Project:
 
     @cached_property
     def _masks(self) -> Found:
-        return find_masks(self.root / "masks", self._photos.paths)
+        return find_masks(self.root / MASKS_FOLDER, self._photos.paths)
 
     @cached_property
     def _picks(self) -> Found:
@@ -195,13 +188,17 @@ class Project:
         """What the photo's header says. Raises InputError."""
         return read_photo_info(self.photo_path(name), self.settings.largest_photo_mp)
 
-    def load_photo(self, name: str, longest: int | None = None) -> Photo:
-        """The upright photo with its mask, its longer side reduced to `longest` if it is larger."""
+    def load_photo(self, name: str, longest: int | None = None, cut: bool = False) -> Photo:
+        """The upright photo with its mask, its longer side reduced to `longest` if it is larger.
+        cut: what stands in front of the piece (`occluder_path`) is masked too.
+        """
         path = self.photo_path(name)
+        found = self.mask_path(name), self.occluder_path(name) if cut else None
+        masks = [mask for mask in found if mask is not None and mask.is_file()]
         largest_mp = self.settings.largest_photo_mp
         info = read_photo_info(path, largest_mp)
         develop = self.settings.develop
-        return read_photo(path, info, self.mask_path(name), longest, largest_mp, develop)
+        return read_photo(path, info, masks, longest, largest_mp, develop)
 
     def load_thumbnail(self, name: str, longest: int) -> Photo:
         """A small picture of the photo for lists: of a RAW file the camera's own if it has one."""
@@ -314,7 +311,7 @@ class Project:
 
     def load_record(self, stage: str, name: str | None = None) -> dict[str, Any] | None:
         """What a stage wrote about its last run; None if it never ran or the file is broken."""
-        record = _read_json(self.record_path(stage, name))
+        record = read_json_object(self.record_path(stage, name))
         return record if isinstance(record.get("inputs"), dict) else None
 
     def save_record(self, stage: str, name: str | None, record: dict[str, Any]) -> None:
@@ -329,6 +326,10 @@ class Project:
         with staging(folder):
             pass
         return folder / "features.db"
+
+    def occluder_path(self, name: str) -> Path:
+        """The mask of what stands in front of the piece in a photo, where there is such a thing."""
+        return self.work / "occluders" / f"{Path(name).stem}.png"
 
     def load_array(self, key: str) -> NDArray[Any] | None:
         """The array cached under `key`, None if there is none."""
@@ -375,7 +376,7 @@ class Project:
 
     @cached_property
     def _hashes(self) -> dict[str, list[Any]]:
-        known = _read_json(self.record_path("hashes"))
+        known = read_json_object(self.record_path("hashes"))
         return {k: v for k, v in known.items() if isinstance(v, list) and len(v) == 2}
 
     def save_hashes(self) -> None:
@@ -384,35 +385,7 @@ class Project:
 
     def remove_unfinished(self) -> None:
         """Delete what an interrupted run left behind."""
-        here = (self.root, self.root / "correspondences", self.root / "masks")
+        here = (self.root, self.root / "correspondences", self.root / MASKS_FOLDER)
         made = (p for top in (self.work, self.out) for p in (top, *top.rglob("*")) if p.is_dir())
         for folder in (*here, *made):
             remove_unfinished(folder)
-
-
-def _read_json(path: Path) -> dict[str, Any]:
-    """The object in a file that the machine made; empty if it is missing or broken."""
-    try:
-        value = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
-        return {}
-    return value if isinstance(value, dict) else {}
-
-
-def refuse_same_stems(photos: Iterable[Path]) -> None:
-    """Raise InputError for two photos whose masks and picks would have the same name."""
-    stems: dict[str, Path] = {}
-    for path in photos:
-        if path.stem in stems:
-            raise InputError(
-                f"{stems[path.stem]} and {path.name} differ only in their ending, "
-                f"so masks and correspondences cannot tell them apart; rename one"
-            )
-        stems[path.stem] = path
-
-
-def _files(folder: Path, suffixes: Sequence[str]) -> list[Path]:
-    if not folder.is_dir():
-        return []
-    found = (p for p in folder.iterdir() if p.is_file() and not p.name.startswith("."))
-    return sorted(p for p in found if p.suffix.lower() in suffixes)

@@ -20,6 +20,9 @@ THROUGH = "through"
 """Key of an entry's quality: the photos through which it was found, where it was."""
 PROOF = "proof"
 """Key of an entry's quality: what speaks for and against its camera."""
+DOUBTED = "not_borne_out"
+"""Key of a registered entry's quality: other photos that overlap do not bear it out, so no photo is
+sought through it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,9 +64,14 @@ class CameraRecord:
         return self.camera if self.status == "registered" else None
 
     @property
+    def vouches(self) -> bool:
+        """Whether other photos may be found through this one."""
+        return self.registered_camera is not None and not self.quality.get(DOUBTED)
+
+    @property
     def through(self) -> tuple[str, ...]:
         """The photos through which texproj found this camera; none if it stands on its own."""
-        if not self.sought or self.method != "features":
+        if not self.sought or self.method not in ("features", "block"):
             return ()
         names = self.quality.get(THROUGH)
         return tuple(n for n in names if isinstance(n, str)) if isinstance(names, list) else ()

@@ -36,6 +36,10 @@ def text_of(kind, name):
     return written(kind)[name].decode()
 
 
+def value_of(kind, name):
+    return json.loads(text_of(kind, name))
+
+
 def openmvg():
     def entry(key, data, **more):
         return {"key": key, "value": {**more, "ptr_wrapper": {"data": data}}}
@@ -78,6 +82,11 @@ xcr:PrincipalPointU="0.01" xcr:PrincipalPointV="-0.01"><xcr:Rotation>0 1 0 -1 0 
 <xcr:DistortionCoeficients>0.1 0 0 0.02 0.01 0</xcr:DistortionCoeficients></rdf:Description>
 </rdf:RDF></x:xmpmeta>"""
 
+SCANNER = {
+    "cameraPoseARFrame": np.eye(4).ravel().tolist(), "intrinsics": [90, 0, 40, 0, 90, 30, 0, 0, 1],
+}  # fmt: skip
+POSES = [{"file_path": "images/one.jpg", "transform": np.eye(4)[:3].tolist()}]
+
 CHUNK_TRANSFORM = """<transform><rotation>1 0 0 0 1 0 0 0 1</rotation><translation>0 0 0
 </translation><scale>2</scale></transform></chunk>"""
 
@@ -89,12 +98,25 @@ TEXTS = {
     ),
     "realityscan": ("cameras.csv", text_of("realityscan", "cameras.csv")),
     "realityscan-xmp": ("one.xmp", SIDECAR),
+    "blocks-exchange": ("blocks.xml", text_of("blocks-exchange", "blocks.xml")),
+    "pix4d": (
+        "a_calibrated_camera_parameters.txt",
+        text_of("pix4d", "cameras_calibrated_camera_parameters.txt"),
+    ),
+    "visualsfm": ("cameras.nvm", text_of("visualsfm", "cameras.nvm").replace("0.0 0\n", "0.1 0\n")),
+    "texrecon": ("one.cam", text_of("texrecon", "one.cam")),
+    "table": ("orientations.txt", text_of("table", "orientations.txt")),
 }  # fmt: skip
 VALUES = {
     "nerfstudio": ("transforms.json", [json.loads(text_of("nerfstudio", "transforms.json")), NGP]),
     "openmvg": ("sfm_data.json", [openmvg()]),
     "meshroom": ("cameras.sfm", [meshroom()]),
+    "opensfm": ("reconstruction.json", [value_of("opensfm", "reconstruction.json")]),
+    "opf": ("cameras.opf", [value_of("opf", "cameras.opf")]),
+    "arkit": ("one.json", [value_of("arkit", "one.json"), SCANNER]),
+    "nerfstudio-poses": ("poses.json", [POSES]),
 }
+POSES_BESIDE = {"transform": np.eye(4)[:3].tolist(), "scale": 0.5}
 
 
 def read(kind):
@@ -111,7 +133,7 @@ def read(kind):
 @pytest.mark.parametrize("kind", TEXTS)
 @given(data=st.data())
 def test_text(kind, data, place):
-    """Bundler's, MeshLab's, Metashape's and RealityScan's files."""
+    """Files of text and XML of each program."""
     name, text = TEXTS[kind]
     (place / "list.txt").write_text("images/one.jpg\nimages/two.png\n")
     refused_or_read(read(kind), place / name, data.draw(broken_text([text])))
@@ -120,9 +142,56 @@ def test_text(kind, data, place):
 @pytest.mark.parametrize("kind", VALUES)
 @given(data=st.data())
 def test_json(kind, data, place):
-    """nerfstudio's, instant-ngp's, openMVG's and Meshroom's files."""
+    """Files of JSON of each program, the others of its set sound beside it."""
     name, values = VALUES[kind]
-    refused_or_read(read(kind), place / name, data.draw(broken_json(values)))
+    folder = place / f"json-{kind}"
+    folder.mkdir(exist_ok=True)
+    if kind == "opf":
+        for other, content in written("opf").items():
+            (folder / other).write_bytes(content)
+    if kind == "nerfstudio-poses":
+        (folder / "dataparser_transforms.json").write_text(json.dumps(POSES_BESIDE))
+    refused_or_read(read(kind), folder / name, data.draw(broken_json(values)))
+
+
+OPF_PARTS = ("camera-list", "input-cameras", "calibration", "scene-reference-frame")
+
+
+@pytest.mark.parametrize("part", OPF_PARTS)
+@given(data=st.data())
+def test_parts_of_opf(part, data, place):
+    """Each file of a project of the Open Photogrammetry Format beside sound other ones."""
+    folder = place / f"opf-{part}"
+    folder.mkdir(exist_ok=True)
+    for other, content in written("opf").items():
+        (folder / other).write_bytes(content)
+
+    def whole(path):
+        return READERS["opf"](folder / "cameras.opf", lambda name: SIZE)
+
+    content = data.draw(broken_json([value_of("opf", f"{part}.json")]))
+    refused_or_read(whole, folder / f"{part}.json", content, "read_opf")
+
+
+@given(data=st.data())
+def test_what_a_training_tells(data, place):
+    """dataparser_transforms.json beside a sound list of nerfstudio's cameras."""
+    folder = place / "training"
+    folder.mkdir(exist_ok=True)
+    (folder / "poses.json").write_text(json.dumps(POSES))
+
+    def listed(path):
+        return READERS["nerfstudio-poses"](folder / "poses.json", lambda name: SIZE)
+
+    content = data.draw(broken_json([POSES_BESIDE]))
+    refused_or_read(listed, folder / "dataparser_transforms.json", content, "read_poses")
+
+
+@given(data=st.data())
+def test_openmvs(data, place):
+    """OpenMVS's exchange file in binary."""
+    sound = written("openmvs")["cameras.mvs"]
+    refused_or_read(read("openmvs"), place / "cameras.mvs", data.draw(broken_bytes([sound])))
 
 
 @pytest.mark.parametrize("name", ["cameras.txt", "images.txt"])

@@ -67,6 +67,9 @@ class Place:
         self.picks = [{"name": str(i), "uv": a, "xyz": b} for i, (a, b) in rows]
         self.camera = camera_facts(views[0])
         self.point = {"camera": self.camera, "xyz": xyz[0].tolist()}
+        rows = [f"{a},{b},{x},{y},{z},p{i}" for i, ((a, b), (x, y, z)) in enumerate(zip(
+            uv.tolist(), xyz.tolist(), strict=True))]  # fmt: skip
+        (root / "correspondences/0001.csv").write_text("\n".join(["u,v,x,y,z,name", *rows]))
         self.pixel = {"camera": self.camera, "uv": uv[0].tolist()}
 
     def ask(self, method, path, **more):
@@ -88,6 +91,17 @@ BODIES = {
     ("POST", "/api/hit"): {"origin": [0, 0, 5], "direction": [0, 0, -1]},
     ("POST", "/api/jobs"): {"kind": "solve", "photo": PHOTO},
     ("PUT", f"/api/photos/{PHOTO}/picks"): {"picks": PICKS, "base": "none"},
+    ("PUT", f"/api/photos/{PHOTO}/excluded"): {"excluded": False},
+    ("PATCH", "/api/settings"): {
+        "base": "",
+        "changes": [{"table": "color", "key": "bits", "value": 16}],
+    },
+    ("POST", f"/api/photos/{PHOTO}/mask"): {
+        "base": "",
+        "kind": "paint",
+        "radius": 5,
+        "points": [[1, 2], [30, 40]],
+    },
 }
 
 
@@ -96,12 +110,19 @@ def test_bodies(page, data):
     """Odd values in place of any part of a sound body; JSON that is cut, nested, endless."""
     sound = {
         **BODIES,
-        ("POST", f"/api/photos/{PHOTO}/fit"): {"picks": page.picks},
+        ("POST", f"/api/photos/{PHOTO}/fit"): {"picks": page.picks, "without": ["1"]},
+        ("POST", f"/api/photos/{PHOTO}/proposals"): {
+            "camera": page.camera,
+            "error_px": 2.0,
+            "picks": page.picks[:2],
+        },
         ("POST", f"/api/photos/{PHOTO}/predict"): data.draw(
             st.sampled_from([page.point, page.pixel])
         ),
     }
-    for (method, path), body in sound.items():
+    for (method, path), told in sound.items():
+        there = page.ask("GET", path).json() if "base" in told else {}
+        body = {**told, "base": there["version"]} if "version" in there else told
         page.ask(method, path, content=data.draw(broken_json([body])), headers=JSON)
 
 
@@ -113,7 +134,8 @@ def test_addresses(page, data):
     for path in (
         f"/{word}", f"/static/{word}", f"/api/mesh/{word}", f"/api/layers/{word}?photo={word}",
         f"/api/models/{word}", f"/api/photos/{word}/image?size={size}", f"/api/photos/{word}/picks",
-        f"/api/layers/weights?photo={size}",
+        f"/api/layers/weights?photo={size}", f"/api/photos/{word}/mask", f"/report/{word}",
+        f"/api/photos/{word}/mask/picture", f"/api/photos/{word}/partners",
     ):  # fmt: skip
         page.ask("GET", path)
     page.ask("DELETE", f"/api/jobs/{word}")
@@ -173,6 +195,17 @@ def test_a_glb_that_requires_a_number_is_shown(page):
     path.unlink()
 
     assert answer.status_code == 200
+
+
+def test_a_glb_whose_text_is_not_utf_8_is_a_sentence(page):
+    """The seed of a fault of the server: trimesh asks for a package that guesses encodings."""
+    path = page.root / "out/model.glb"
+    path.parent.mkdir(exist_ok=True)
+    path.write_bytes(GLB[:20] + b"\xff\xfe" + GLB[20:-2])
+    answer = page.ask("GET", "/api/colors/light")
+    path.unlink()
+
+    assert answer.status_code == 422
 
 
 def test_a_folder_in_place_of_picks_is_a_sentence(page):

@@ -18,7 +18,7 @@ MODULES = {
     "making": ("register", "refine", "color", "run", "report"),
     "telling": ("status", "preview"),
     "machine": ("doctor",),
-    "inspecting": ("factors",),
+    "inspecting": ("factors", "turntable"),
     "exchange": ("import_", "export"),
 }
 """Modules of this package, and the commands that each holds."""

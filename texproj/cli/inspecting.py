@@ -1,8 +1,8 @@
-"""The command that shows what each photo counts for."""
+"""The commands that make pictures of a project: what each photo counts for, a turntable."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from cyclopts import Parameter
 
@@ -40,3 +40,28 @@ def factors(
         return run_stage(
             project, json, lambda bench, tell: inspect_project(bench, names, size, tell)
         )
+
+
+def turntable(
+    folder: Folder,
+    /,
+    *,
+    film: Annotated[
+        Literal["webp", "gif", "png"],
+        Parameter(help="webp: small; gif: shown everywhere; png: a picture for each frame."),
+    ] = "webp",
+    frames: Annotated[int, Parameter(help="Pictures of one turn.")] = 72,
+    seconds: Annotated[float, Parameter(help="Seconds of one turn.")] = 6.0,
+    size: Annotated[int, Parameter(help="Width and height, pixels.")] = 640,
+    json: Json = False,
+    verbose: Verbose = False,
+) -> int:
+    """Film the colored model once around: out/turntable.webp, .gif, or pictures.
+
+    Example: texproj turntable statue --film gif
+    """
+    from texproj.stages.turning import TurntableOptions, turn_project  # noqa: PLC0415
+
+    options = TurntableOptions(film, frames, seconds, size)
+    with project_at_work(folder, None, verbose, "turntable") as project:
+        return run_stage(project, json, lambda bench, tell: turn_project(bench, options, tell))

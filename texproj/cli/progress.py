@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from texproj.cli import talk
+from texproj.errors import printable
 from texproj.stages.progress import Progress
 
 LINE_EVERY_S = 10.0
@@ -28,8 +29,8 @@ def shown_progress() -> Iterator[Progress]:
 
         def show(stage: str, done: int, total: int, item: str) -> None:
             if stage not in tasks:
-                tasks[stage] = bars.add_task(stage, item=item)
-            bars.update(tasks[stage], completed=done, total=total, item=item)
+                tasks[stage] = bars.add_task(stage, item="")
+            bars.update(tasks[stage], completed=done, total=total, item=printable(item))
 
         yield show
 
@@ -82,6 +83,6 @@ def _bars() -> Any:
         TimeElapsedColumn(),
         TextColumn("left"),
         TimeRemainingColumn(compact=True),
-        TextColumn("{task.fields[item]}"),
+        TextColumn("{task.fields[item]}", markup=False),
     )
     return Progress(*columns, console=Console(stderr=True))

@@ -1,4 +1,4 @@
-"""Synthetic projects: a carved and painted stone, photographed by a small ray caster."""
+"""Synthetic projects: carved and painted stone, photographed by a small ray caster."""
 
 from texproj.demo.make import DemoPhoto, DemoProject, make_demo
 from texproj.demo.write import write_demo

@@ -1,4 +1,5 @@
-"""Carved pieces of stone, made by rule: a stele with a niche, and a capital with leaves.
+"""Carved pieces of stone, made by rule: a shrine, a stele with a niche, and a capital
+with leaves.
 
 Local frame: metres, z up, the piece stands on z = 0 around the z axis, front towards -y.
 """
@@ -13,15 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.arrays import Floats
-from texproj.demo import capital, stele
+from texproj.demo import capital, shrine, stele
 from texproj.demo.noise import noise
 from texproj.demo.shapes import Field
 from texproj.demo.surface import surface
 from texproj.mesh import Mesh, vertex_normals
 
-Kind = Literal["stele", "capital"]
+Kind = Literal["shrine", "stele", "capital"]
 
 _SOLIDS: dict[Kind, Callable[[int], tuple[Field, tuple[float, float, float]]]] = {
+    "shrine": shrine.solid,
     "stele": stele.solid,
     "capital": capital.solid,
 }

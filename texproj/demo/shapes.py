@@ -33,6 +33,15 @@ def sphere(xyz: Floats, center: ArrayLike, radius: float) -> Floats:
     return np.sqrt(x * x + y * y + z * z) - np.float32(radius)
 
 
+def capsule(xyz: Floats, start: ArrayLike, end: ArrayLike, radius: float) -> Floats:
+    """All points closer than a radius to the line between two points."""
+    a, b = np.asarray(start, np.float32), np.asarray(end, np.float32)
+    along = b - a
+    t = np.clip((xyz - a) @ along / np.float32(along @ along), 0, 1)
+    x, y, z = (xyz[:, k] - a[k] - t * along[k] for k in range(3))
+    return np.sqrt(x * x + y * y + z * z) - np.float32(radius)
+
+
 def extruded(profile: Floats, along: Floats, half: float) -> Floats:
     """A plane figure given by its distances, extruded to +-half along the third axis."""
     other = np.abs(along) - np.float32(half)

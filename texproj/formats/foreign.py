@@ -18,6 +18,10 @@ _OUT_OF_MEMORY = -4
 """Code of OpenCV's errors, StsNoMem."""
 
 
+GUESSER = "charset_normalizer"
+"""What trimesh asks for only where a text is not UTF-8, which glTF and all that we read demand."""
+
+
 class Broken(Exception):  # noqa: N818 - every caller makes a sentence of it
     """A file that a parser could not read; its text says why, on one line of 100 characters."""
 
@@ -33,8 +37,12 @@ def foreign_parser() -> Iterator[None]:
     """
     try:
         yield
-    except (TexprojError, MemoryError, Broken, ModuleNotFoundError):
+    except (TexprojError, MemoryError, Broken):
         raise
+    except ModuleNotFoundError as error:
+        if error.name != GUESSER:
+            raise
+        raise Broken("its text is not UTF-8") from None
     except Exception as error:
         if getattr(error, "code", None) == _OUT_OF_MEMORY:
             raise MemoryError from None

@@ -30,6 +30,10 @@ class ColorOptions:
     clipped_weight: Annotated[Fraction, EXPERT] = 0.2
     """Weight of samples where the photo is over-exposed; 1 = as good as any."""
 
+    occluders: bool = True
+    """Leave out what stands in front of the piece in single photos: found where the other photos
+    contradict, cut out whole, kept as a mask in work/occluders/ that can be edited."""
+
     focus_power: Annotated[float, Field(ge=0, le=8)] = 2.0
     """How strongly blurred parts of photos are distrusted: the power of their energy of fine detail
     against that of the other photos; 0 = not looked at. By "multi-band" only in their detail."""
@@ -60,7 +64,7 @@ class ColorOptions:
     """Difference from the other photos (square root of linear light, 1 = white) at which a sample
     counts half."""
 
-    preference: Annotated[float, Field(ge=0, le=8)] = 0.85
+    preference: Annotated[float, Field(ge=0, le=8), EXPERT] = 0.35
     """How strongly the best of the photos that agree is preferred: the power of its weight. Not
     used by the blend "mean", where it is 1."""
 
@@ -130,7 +134,7 @@ class OutputOptions:
     """The scan's upward axis, by which a glb is turned to stand upright (glTF has y upwards): a
     node turns it, coordinates stay the scan's, in obj and ply too. auto: upward in the photos."""
 
-    unit: Literal["auto", "m", "cm", "mm"] = "auto"
+    unit: Annotated[Literal["auto", "m", "cm", "mm"], EXPERT] = "auto"
     """The scan's unit, by which the same node scales a glb to metres; auto = as it is."""
 
     unlit: bool = True

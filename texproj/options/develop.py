@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic.dataclasses import dataclass
 
-from texproj.options.base import STRICT
+from texproj.options.base import EXPERT, STRICT
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -16,8 +16,8 @@ class DevelopOptions:
     white_balance: Literal["camera", "daylight"] = "camera"
     """White balance of RAW files: as each shot's camera set it, or daylight, the same for all."""
 
-    pair: Literal["raw", "jpeg"] = "raw"
+    pair: Annotated[Literal["raw", "jpeg"], EXPERT] = "raw"
     """Which file is the photo where a shot is there as RAW and as JPEG."""
 
-    float_light: Literal["linear", "srgb"] = "linear"
+    float_light: Annotated[Literal["linear", "srgb"], EXPERT] = "linear"
     """What floating-point TIFF files without a color profile hold: linear light, or sRGB values."""

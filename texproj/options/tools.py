@@ -39,7 +39,7 @@ class PreviewOptions:
 class DemoOptions:
     """A synthetic project with known truth."""
 
-    object: Literal["stele", "capital"] = "stele"
+    object: Literal["shrine", "stele", "capital"] = "shrine"
     """What is carved."""
     seed: Annotated[int, Field(ge=0)] = 0
     """Another number, another piece, other photos; the same number gives the same bytes."""

@@ -23,6 +23,7 @@ from texproj.errors import InputError, TexprojError, UsageError
 from texproj.preview import work
 from texproj.preview.colors import texture_colors, vertex_colors
 from texproj.preview.door import inside
+from texproj.preview.edits import EditHandlers
 from texproj.preview.geometry import pack
 from texproj.preview.jobs import TooManyJobs
 from texproj.preview.photos import SIZES
@@ -33,10 +34,20 @@ from texproj.preview.picking import (
     predict_on_model,
     predict_on_photo,
 )
-from texproj.preview.picks import VersionConflict, load_picks, numbers, parse_picks, save_picks
+from texproj.preview.picks import (
+    VersionConflict,
+    load_picks,
+    numbers,
+    parse_names,
+    parse_picks,
+    save_picks,
+)
+from texproj.preview.proposals import SURE, Guess, proposals
+from texproj.preview.requests import body
 from texproj.preview.security import BodyTooLong, refuse
 from texproj.preview.session import MODEL_FILES, Session, shown, stamp
 from texproj.stages.attending import INTERNAL
+from texproj.stages.partners import partners
 
 LOG = logging.getLogger("texproj.preview")
 BINARY = "application/octet-stream"
@@ -46,6 +57,13 @@ BUNDLE = {
     "index.html": "text/html; charset=utf-8",
     "icon.svg": "image/svg+xml",
 }
+REPORT_POLICY = (
+    "sandbox allow-scripts; default-src 'none'; img-src data: blob:; connect-src data: blob:;"
+    " style-src 'unsafe-inline'; script-src 'unsafe-inline'"
+)
+"""The report is one file with all that it needs in it, and may read nothing else."""
+
+MOST_PARTNERS = 12
 NEWS_PAUSE_MS = 200
 """Changes of files are told together for so long: a stage writes several at once."""
 
@@ -77,7 +95,8 @@ def create_app(session: Session) -> Starlette:
         HTTPException: on_http_error,
         Exception: on_fault,
     }
-    app = Starlette(routes=handlers.routes(), lifespan=lifespan, exception_handlers=errors)
+    routes = [*handlers.routes(), *EditHandlers(session).routes()]
+    app = Starlette(routes=routes, lifespan=lifespan, exception_handlers=errors)
     app.state.session = session
     return app
 
@@ -100,16 +119,20 @@ class Handlers:
             Route("/api/mesh/{level}", self.mesh),
             Route("/api/colors", self.colors),
             Route("/api/colors/light", self.light_colors),
+            Route("/api/colors/mean", self.mean_colors),
             Route("/api/layers/{layer}", self.layer),
             Route("/api/models/{name}", self.model),
+            Route("/report", self.report),
             Route("/api/hit", self.hit, methods=["POST"]),
             Route("/api/jobs", self.start_job, methods=["POST"]),
             Route("/api/jobs/{number:int}", self.cancel_job, methods=["DELETE"]),
             Route(f"{photo}/image", self.image),
+            Route(f"{photo}/partners", self.partners),
             Route(f"{photo}/picks", self.picks),
             Route(f"{photo}/picks", self.save, methods=["PUT"]),
             Route(f"{photo}/fit", self.fit, methods=["POST"]),
             Route(f"{photo}/predict", self.predict, methods=["POST"]),
+            Route(f"{photo}/proposals", self.propose, methods=["POST"]),
         ]
 
     def page(self, _: Request) -> Response:
@@ -152,6 +175,10 @@ class Handlers:
         rgba = self.session.kept(key, lambda: texture_colors(project, surface))
         return Response(pack({"rgba": rgba}), media_type=BINARY)
 
+    async def mean_colors(self, _: Request) -> Response:
+        """The plain mean of all photos on the vertices: doubled edges show what is off."""
+        return Response(pack({"rgba": await work.mean_colors(self.session)}), media_type=BINARY)
+
     async def layer(self, request: Request) -> Response:
         name, photo = request.path_params["layer"], request.query_params.get("photo", "")
         values = await work.layer_values(self.session, name, photo)
@@ -164,6 +191,21 @@ class Handlers:
             raise HTTPException(404, "no such model")
         inside(path, self.session.root)
         return FileResponse(path, media_type=MODEL_FILES[name])
+
+    def report(self, _: Request) -> Response:
+        """The report as it was written, without any right to ask this server for anything."""
+        path = self.session.project.out / "report.html"
+        if not path.is_file():
+            raise HTTPException(404, "no report yet")
+        inside(path, self.session.root)
+        headers = {"content-security-policy": REPORT_POLICY}
+        return FileResponse(path, media_type="text/html; charset=utf-8", headers=headers)
+
+    def partners(self, request: Request) -> Response:
+        """The photos that show the same as one, most of it first."""
+        project, name = self.photo_of(request)
+        found = [other for other in partners(project, name) if other in project.photo_paths]
+        return JSONResponse({"photos": found[:MOST_PARTNERS]})
 
     async def hit(self, request: Request) -> Response:
         data = await body(request)
@@ -202,7 +244,7 @@ class Handlers:
         picks, base = parse_picks(data.get("picks")), str(data.get("base"))
 
         def write() -> Response:
-            with self.session.picks_lock:
+            with self.session.edit_lock:
                 try:
                     saved, status = save_picks(project, name, picks, base), 200
                 except VersionConflict:
@@ -215,8 +257,8 @@ class Handlers:
     async def fit(self, request: Request) -> Response:
         data = await body(request)
         project, name = self.photo_of(request)
-        picks = parse_picks(data.get("picks"))
-        return JSONResponse(await run_in_threadpool(fit_picks, project, name, picks))
+        picks, without = parse_picks(data.get("picks")), parse_names(data.get("without", []))
+        return JSONResponse(await run_in_threadpool(fit_picks, project, name, picks, without))
 
     async def predict(self, request: Request) -> Response:
         data = await body(request)
@@ -227,12 +269,28 @@ class Handlers:
         find = predict_on_model if on_model else predict_on_photo
 
         def run() -> dict[str, Any] | None:
-            key = ["gray", name, project.hash_of(project.photo_path(name))]
-            photo = self.session.kept(key, lambda: project.load_photo(name, MATCH_LONGEST))
-            found = find(surface, photo, camera, given)
+            found = find(surface, self.photo_to_match(project, name), camera, given)
             return found.as_dict() if found else None
 
         return JSONResponse(await run_in_threadpool(run))
+
+    async def propose(self, request: Request) -> Response:
+        data = await body(request)
+        project, name = self.photo_of(request)
+        [error_px] = numbers([data.get("error_px")], 1)
+        guess = Guess(parse_camera(data.get("camera")), SURE * abs(error_px))
+        own = parse_picks(data.get("picks")).xyz_in_world
+        surface = self.session.surface
+
+        def run() -> list[dict[str, Any]]:
+            return proposals(project, surface, self.photo_to_match(project, name), guess, own)
+
+        return JSONResponse(await run_in_threadpool(run))
+
+    def photo_to_match(self, project: Any, name: str) -> Any:
+        """The reduced photo in which matches are sought."""
+        key = ["gray", name, project.hash_of(project.photo_path(name))]
+        return self.session.kept(key, lambda: project.load_photo(name, MATCH_LONGEST))
 
     def photo_of(self, request: Request) -> tuple[Any, str]:
         """The project and the photo that an address names; only photos of the project exist."""
@@ -241,20 +299,6 @@ class Handlers:
             raise HTTPException(404, "no such photo")
         inside(project.correspondences_path(name), self.session.root)
         return project, name
-
-
-async def body(request: Request) -> dict[str, Any]:
-    """The JSON object that a request carries; only that type is read, which other web sites
-    cannot send without asking first."""
-    if request.headers.get("content-type", "").split(";")[0].strip() != "application/json":
-        raise HTTPException(415, "send application/json")
-    try:
-        data = await request.json()
-    except (ValueError, RecursionError):  # no JSON, no text, an integer of thousands of digits
-        raise HTTPException(400, "not JSON") from None
-    if not isinstance(data, dict):
-        raise HTTPException(400, "expected a JSON object")
-    return data
 
 
 async def watch(session: Session, force_polling: bool | None = None) -> None:

@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from texproj.camera import Camera
 from texproj.errors import TexprojError
+from texproj.options import ColorOptions
+from texproj.photo import srgb_from_linear
 from texproj.records import CameraRecord
 from texproj.stages.bench import Workbench
 from texproj.stages.progress import Progress
@@ -56,6 +58,28 @@ def factor_layers(bench: Workbench, progress: Progress, name: str) -> dict[str, 
 
     found = vertex_factors(bench, name, progress)
     return {"mask": (found["weight"] > 0).astype(np.float32), **found}
+
+
+def mean_layer(bench: Workbench, progress: Progress) -> NDArray[np.uint8]:
+    """(V, 4) uint8 sRGB of the plain weighted mean of all photos, and 255 (0 = unseen). Raises
+    TexprojError.
+    """
+    from texproj.color.vertices import color_vertices  # noqa: PLC0415 - slow to import
+    from texproj.stages.coloring import photo_set, usable_cameras  # noqa: PLC0415
+
+    cameras, _ = usable_cameras(bench.project)
+    if not cameras:
+        raise TexprojError("no photo is registered, so there is nothing to average")
+    plain = ColorOptions(blend="mean", focus_power=0, vignetting="off")
+    photos = photo_set(bench.project, cameras)
+    found = color_vertices(
+        bench.mesh, photos, bench.renderer, plain, None,
+        lambda done, total: progress("color", done, total, ""),
+    )  # fmt: skip
+    rgba = np.zeros((len(found.rgb), 4), np.uint8)
+    rgba[:, :3] = np.round(srgb_from_linear(np.clip(found.rgb, 0, 1)) * 255)
+    rgba[:, 3] = np.where(found.weight > 0, 255, 0)
+    return rgba
 
 
 def registered_names(bench: Workbench) -> list[str]:

@@ -4,6 +4,7 @@ predicted, and the strongest match near there.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.camera import Camera
-from texproj.errors import UsageError
+from texproj.errors import RegistrationError, UsageError
 from texproj.formats.camera_bounds import checked_intrinsics, checked_pose
 from texproj.photo import Correspondences, Photo
 from texproj.preview.photos import camera_facts
 from texproj.preview.surface import Hit, Surface
 from texproj.project import Project
-from texproj.register.picks.register import register_points
+from texproj.records import Fit
+from texproj.register.picks.register import examine_points
 from texproj.solve.matching import match_patches
 from texproj.solve.orientation import photo_field, render_field
 from texproj.stages.entries import start_of
@@ -31,6 +33,9 @@ PATCH_PX = 41
 
 SEARCH_PX = 16
 """How far from the prediction a match is sought, in pixels of the reduced photo."""
+
+LEAST_SEARCH_PX = 3
+"""The same for a camera that is known well: a match on the rim of the search is none."""
 
 SNAP_SCORE = 0.45
 """Correlation of orientation fields below which the prediction itself is kept."""
@@ -48,27 +53,49 @@ class Prediction:
         return {"uv": self.xy_px.tolist(), **self.hit.as_dict(), "score": round(self.score, 3)}
 
 
-def fit_picks(project: Project, name: str, picks: Correspondences) -> dict[str, Any]:
-    """The camera that these picks give and how far off each is, as the page draws it.
+def fit_picks(
+    project: Project, name: str, picks: Correspondences, without: Collection[str] = ()
+) -> dict[str, Any]:
+    """The camera that these picks give and how far off each is, as the page draws it; where they
+    are refused, the camera that comes nearest, and why it is none.
 
-    Raises RegistrationError where they give none.
+    without: names of picks that are left out of the fit. Raises RegistrationError where no camera
+    comes near.
     """
-    start = start_of(project.load_cameras().get(name))
-    prior = start.intrinsics if start else None
-    pose = start.pose if start else None
-    options = project.settings.points
-    fit = register_points(project.photo_info(name), picks, prior, options, pose)
+    used = np.array([n not in without for n in picks.names], bool)
+    kept = tuple(n for n in picks.names if n not in without)
+    chosen = Correspondences(picks.xy_px[used], picks.xyz_in_world[used], kept)
+    fit, rough = _fit_or_nearest(project, name, chosen)
     projected, _ = fit.camera.project(picks.xyz_in_world)
+    inliers = np.zeros(len(picks), bool)
+    inliers[used] = fit.inliers
+    residual_px = np.hypot(*(projected - picks.xy_px).T)
     return {
         "camera": camera_facts(fit.camera),
         "expected_error_px": finite(fit.expected_error_px),
         "accepted": fit.accepted,
-        "reason": fit.reason,
+        "rough": rough,
+        "reason": fit.reason.removeprefix(f"{name}: "),
         "names": list(picks.names),
         "projected": [[finite(u), finite(v)] for u, v in projected],
-        "residual_px": [finite(r) for r in fit.residual_px],
-        "inliers": [bool(ok) for ok in fit.inliers],
+        "residual_px": [finite(r) for r in residual_px],
+        "inliers": [bool(ok) for ok in inliers],
+        "used": [bool(ok) for ok in used],
     }
+
+
+def _fit_or_nearest(project: Project, name: str, picks: Correspondences) -> tuple[Fit, bool]:
+    """The fit of picks, not accepted where they are refused, and whether it is then good enough
+    to say where other points lie.
+    """
+    start = start_of(project.load_cameras().get(name))
+    prior = start.intrinsics if start else None
+    pose = start.pose if start else None
+    info, options = project.photo_info(name), project.settings.points
+    fit, refusal = examine_points(info, picks, prior, options, pose)
+    if fit is None:
+        raise refusal or RegistrationError(f"{name}: no camera")
+    return fit, refusal is not None and refusal.approximate is not None
 
 
 def finite(value: float) -> float | None:
@@ -89,14 +116,21 @@ def predict_on_model(
 
 
 def predict_on_photo(
-    surface: Surface, photo: Photo, camera: Camera, xyz: NDArray[np.float64]
+    surface: Surface,
+    photo: Photo,
+    camera: Camera,
+    xyz: NDArray[np.float64],
+    within_px: float = np.inf,
 ) -> Prediction | None:
-    """The pixel of the full-size photo that shows a surface point; None outside of the photo."""
+    """The pixel of the full-size photo that shows a surface point; None outside of the photo.
+
+    within_px: how far off the camera may be, full-size pixels; no match is sought beyond.
+    """
     xy_px = camera.project(xyz[None])[0][0]
     if not camera.inside(xy_px):
         return None
     normal = surface.nearest_normals(xyz[None])[0]
-    moved, score = _moved(surface, photo, camera, xy_px, False)
+    moved, score = _moved(surface, photo, camera, xy_px, False, within_px)
     return Prediction(moved if score else xy_px, Hit(xyz, normal, -1), score)
 
 
@@ -110,7 +144,12 @@ def _seen(surface: Surface, camera: Camera, xy_px: NDArray[np.float64]) -> Hit |
 
 
 def _moved(
-    surface: Surface, photo: Photo, camera: Camera, xy_px: NDArray[np.float64], on_model: bool
+    surface: Surface,
+    photo: Photo,
+    camera: Camera,
+    xy_px: NDArray[np.float64],
+    on_model: bool,
+    within_px: float = np.inf,
 ) -> tuple[NDArray[np.float64], float]:
     """`xy_px` moved to where model and photo agree best around it, and the correlation there
     (0 = nothing agreed well enough, not moved). `on_model`: look for the photo's patch on the
@@ -123,7 +162,8 @@ def _moved(
     of_model = _model_field(surface, small, corner)
     image, template = (of_model, of_photo) if on_model else (of_photo, of_model)
     middle = np.array([[WINDOW_PX // 2, WINDOW_PX // 2]])
-    found = match_patches(template, image, middle, PATCH_PX, SEARCH_PX)
+    radius = int(np.clip(np.ceil(within_px * scale.max()), LEAST_SEARCH_PX, SEARCH_PX))
+    found = match_patches(template, image, middle, PATCH_PX, radius)
     if not len(found) or found.score[0] < SNAP_SCORE:
         return xy_px, 0.0
     return xy_px + (found.target_px[0] - found.source_px[0]) / scale, float(found.score[0])

@@ -85,6 +85,14 @@ def parse_picks(data: Any) -> Correspondences:
     return Correspondences(np.array(uv).reshape(-1, 2), np.array(xyz).reshape(-1, 3), names)
 
 
+def parse_names(data: Any) -> frozenset[str]:
+    """Names of picks as the page sends them. Raises UsageError for anything else."""
+    good = isinstance(data, list) and len(data) <= MAX_PICKS
+    if not good or not all(isinstance(name, str) and len(name) <= MAX_NAME for name in data):
+        raise UsageError(f"expected a list of at most {MAX_PICKS} names of picks")
+    return frozenset(data)
+
+
 def _name(item: Any) -> str:
     name = item.get("name") if isinstance(item, dict) else None
     if not isinstance(name, str) or not 0 < len(name) <= MAX_NAME or not name.isprintable():

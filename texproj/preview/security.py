@@ -169,13 +169,13 @@ def bounded(receive: Receive, limit: int) -> Receive:
 
 
 def with_headers(send: Send) -> Send:
-    """`send` that adds the fixed headers to every answer."""
+    """`send` that adds the fixed headers to every answer that does not set its own."""
 
     async def write(message: Message) -> None:
         if message["type"] == "http.response.start":
             headers = MutableHeaders(scope=message)
             for name, value in ANSWER_HEADERS.items():
-                headers[name] = value
+                headers.setdefault(name, value)
             headers.setdefault("cache-control", "no-store")
         await send(message)
 

@@ -72,7 +72,7 @@ class Session:
         self.options = options
         self.hub = Hub()
         self.jobs = Jobs(self.hub)
-        self.picks_lock = threading.Lock()
+        self.edit_lock = threading.Lock()
         self.pictures = Pictures()
         self._project: tuple[tuple[str | None, ...], Project] | None = None
         self._project_lock = threading.Lock()
@@ -115,11 +115,14 @@ class Session:
         """All that the page shows beside pictures. Raises InputError for broken cameras.json."""
         project = self.project
         entries = project.load_cameras()
-        names = project.photo_names
+        names, report = project.photo_names, project.out / "report.html"
         return {
             "name": self.root.resolve().name,
             "mesh": {"key": project.hash_of(project.mesh_path), "file": project.mesh_path.name},
             "photos": [photo_facts(project, name, entries.get(name)) for name in names],
+            "excluded": list(project.settings.exclude),
+            "to": project.settings.color.to,
+            "report": None if leaves(report, self.root) else stamp(report),
             "models": {name: shown_stamp(project.out / name, self.root) for name in MODEL_FILES},
             "jobs": [job.as_dict() for job in self.jobs.active],
         }

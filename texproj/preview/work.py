@@ -13,11 +13,18 @@ from starlette.exceptions import HTTPException
 from texproj.color.weights import names
 from texproj.errors import UsageError, excerpt
 from texproj.preview.jobs import Job
-from texproj.preview.layers import factor_layers, occlusion_layer, photo_layers, weights_layer
+from texproj.preview.layers import (
+    factor_layers,
+    mean_layer,
+    occlusion_layer,
+    photo_layers,
+    weights_layer,
+)
 from texproj.preview.picks import SavedPicks
 from texproj.preview.session import Session, stamp
 from texproj.project import Project
 from texproj.stages.bench import Workbench
+from texproj.stages.methods import AUTO
 from texproj.stages.progress import Cancelled, Progress
 from texproj.stages.registering import register_photos
 
@@ -34,15 +41,28 @@ def start(session: Session, kind: Any, photo: Any) -> Job:
         name = photo if isinstance(photo, str) else ""
         session.project.photo_path(name)
 
-        def solve(bench: Workbench, progress: Progress) -> Any:
-            bench.project = by_points(bench.project)
-            return register_photos(bench, [name], progress)
+        def solve(bench: Workbench, progress: Progress) -> str:
+            return _solve(bench, name, progress)
 
         return session.start(kind, f"Solve {name}", solve, name)[0]
     if not isinstance(kind, str) or kind not in STAGES:
         raise UsageError(f"unknown work {excerpt(kind)} (known: solve, {', '.join(STAGES)})")
     title, stage = STAGES[kind]
     return session.start(kind, title, stage)[0]
+
+
+def _solve(bench: Workbench, name: str, progress: Progress) -> str:
+    """One photo from its picks, and as Register would go on from there. A camera from elsewhere,
+    which that would keep, is sought by the picks first.
+    """
+    before = bench.project.load_cameras().get(name)
+    elsewhere = before is not None and not before.sought and before.status == "registered"
+    for method in ("points", AUTO) if elsewhere else (AUTO,):
+        bench.project = with_method(bench.project, method)
+        [outcome] = register_photos(bench, [name], progress)
+        if not outcome.failed:
+            return f"{name} is registered."
+    return f"{name} is not registered: {outcome.reason.removeprefix(f'{name}: ')}"
 
 
 def _register(bench: Workbench, progress: Progress) -> str:
@@ -77,9 +97,9 @@ STAGES = {
 """Title and function of each stage that works on the whole project."""
 
 
-def by_points(project: Project) -> Project:
-    """The project with the settings that register from picks."""
-    options = replace(project.settings.register, method="points")
+def with_method(project: Project, method: Any) -> Project:
+    """The project with the settings that register by one method."""
+    options = replace(project.settings.register, method=method)
     return project.with_settings(replace(project.settings, register=options))
 
 
@@ -101,6 +121,20 @@ async def layer_values(session: Session, layer: str, photo: str) -> NDArray[np.f
             raise HTTPException(409, "stopped on request") from None
         session.keep(key, made)
     return made[layer] if isinstance(made, dict) else made
+
+
+async def mean_colors(session: Session) -> NDArray[np.uint8]:
+    """(V, 4) the plain mean of the photos on each vertex; made as a job, kept for a while."""
+    key = ["mean", stamp(session.project.cameras_path), session.surface.key]
+    made = session.recall(key)
+    if made is None:
+        try:
+            job = session.start("layer", "Averaging the photos", mean_layer, "mean", looks=True)[1]
+            made = await asyncio.shield(asyncio.wrap_future(job))
+        except Cancelled:
+            raise HTTPException(409, "stopped on request") from None
+        session.keep(key, made)
+    return np.asarray(made)
 
 
 def _layer_job(session: Session, layer: str, photo: str, made_with: tuple[str, ...]) -> Any:

@@ -76,7 +76,7 @@ def register_pairs(
     pairs = _some(found)
     if len(pairs) < LEAST_INLIERS:
         raise RegistrationError(
-            f"only {len(pairs)} points of the photo are found in registered photos; pick 4 points, "
+            f"only {len(pairs)} points of the photo are found in registered photos; pick 8 points, "
             "or register a photo that shows more of the same"
         )
     try:
@@ -84,7 +84,7 @@ def register_pairs(
     except RegistrationError:
         raise RegistrationError(
             f"the {len(pairs)} points found in registered photos do not agree on one camera; "
-            "pick 4 points"
+            "pick 8 points"
         ) from None
     return _judged(fit, errors_px)
 
@@ -112,7 +112,7 @@ def _judged(fit: Fit, errors_px: Sequence[float]) -> Fit:
     accepted = inliers >= LEAST_INLIERS and share >= LEAST_SHARE
     reason = "" if accepted else (
         f"only {inliers} of {len(fit.inliers)} points found in registered photos agree; "
-        "pick 4 points"
+        "pick 8 points"
     )  # fmt: skip
     quality = {k: v for k, v in fit.quality.items() if k not in ("outliers", "picks")}
     return replace(

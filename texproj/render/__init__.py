@@ -4,7 +4,7 @@ from texproj.render.context import open_renderer
 from texproj.render.gbuffer import CHANNELS, GBuffer
 from texproj.render.interface import Render, Renderer, Scene
 from texproj.render.lens import ideal_grid, pinhole_cover
-from texproj.render.model import render_model
+from texproj.render.model import model_pictures, render_model
 from texproj.render.occlusion import ambient_occlusion
 
 __all__ = [
@@ -15,6 +15,7 @@ __all__ = [
     "Scene",
     "ambient_occlusion",
     "ideal_grid",
+    "model_pictures",
     "open_renderer",
     "pinhole_cover",
     "render_model",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,24 +34,32 @@ def render_model(
     texels that a pixel covers on its face. samples: rays per pixel along each axis, averaged in
     linear light; alpha is the part of them that meets the model.
     """
-    fine = camera.resized(camera.width * samples, camera.height * samples)
+    return next(model_pictures(renderer, model, [camera], samples))
+
+
+def model_pictures(
+    renderer: Renderer,
+    model: TexturedMesh | ColoredMesh,
+    cameras: Iterable[Camera],
+    samples: int = 2,
+) -> Iterator[Bytes]:
+    """The same from several cameras, one after the other; the mesh is loaded once."""
     surface = Surface(Mesh(model.vertices, model.faces))
-    hits = _hits(renderer, surface, fine)
-    if isinstance(model, TexturedMesh):
-        color = _texture_at(model, surface, fine, hits)
-    else:
-        color = values_at_hits(surface, hits, _linear(model.colors[:, :3]))
-    seen = (hits.face >= 0).astype(np.float32)
-    layers = np.concatenate([color * seen[:, None], seen[:, None]], axis=1)
-    layers = layers.reshape(fine.height, fine.width, 4)
-    return _encoded(cv2.resize(layers, (camera.width, camera.height), interpolation=cv2.INTER_AREA))
-
-
-def _hits(renderer: Renderer, surface: Surface, camera: Camera) -> Hits:
     with renderer.load(surface.mesh) as scene:
-        face = scene.gbuffer(camera, ("face",)).require("face")
-    ideal = ideal_grid(camera.intrinsics).reshape(-1, 2)
-    return hits_on_faces(surface, camera, ideal, face.ravel())
+        for camera in cameras:
+            fine = camera.resized(camera.width * samples, camera.height * samples)
+            face = scene.gbuffer(fine, ("face",)).require("face")
+            ideal = ideal_grid(fine.intrinsics).reshape(-1, 2)
+            hits = hits_on_faces(surface, fine, ideal, face.ravel())
+            if isinstance(model, TexturedMesh):
+                color = _texture_at(model, surface, fine, hits)
+            else:
+                color = values_at_hits(surface, hits, _linear(model.colors[:, :3]))
+            seen = (hits.face >= 0).astype(np.float32)
+            layers = np.concatenate([color * seen[:, None], seen[:, None]], axis=1)
+            layers = layers.reshape(fine.height, fine.width, 4)
+            size = (camera.width, camera.height)
+            yield _encoded(cv2.resize(layers, size, interpolation=cv2.INTER_AREA))
 
 
 def _linear(encoded: NDArray[Any]) -> Floats:

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import base64
+import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 from numpy.typing import NDArray
 
 from texproj.formats.jpeg import jpeg_bytes
@@ -15,8 +19,20 @@ from texproj.formats.jpeg import jpeg_bytes
 JPEG_QUALITY = 82
 
 
-def page(facts: Mapping[str, Any], overlays: Mapping[str, str], views: Sequence[str]) -> str:
-    """The HTML of a report. overlays: data URLs by photo name; views: data URLs of the model."""
+@dataclass(frozen=True, eq=False)
+class Pictures:
+    """What a report shows, as data URLs. overlays: by photo name; models: the model as the photo's
+    camera sees it, by photo name; views: of the model; model: `packed_model`, or None.
+    """
+
+    overlays: Mapping[str, str]
+    models: Mapping[str, str]
+    views: Sequence[str]
+    model: Mapping[str, Any] | None
+
+
+def page(facts: Mapping[str, Any], shown: Pictures) -> str:
+    """The HTML of a report."""
     environment = Environment(
         loader=PackageLoader("texproj.report"),
         autoescape=True,
@@ -26,9 +42,21 @@ def page(facts: Mapping[str, Any], overlays: Mapping[str, str], views: Sequence[
     )
     photos = sorted(facts["photos"], key=_worst_first)
     template = environment.get_template("report.html")
+    viewer = _viewer()
     return template.render(
-        facts=facts, photos=photos, overlays=overlays, views=views, colors=_colors(facts)
+        facts=facts,
+        photos=photos,
+        shown=shown,
+        colors=_colors(facts),
+        viewer=Markup(viewer),
+        packed=json.dumps(shown.model).replace("<", "\\u003c") if viewer and shown.model else "",
     )
+
+
+def _viewer() -> str:
+    """The program that turns the model; empty where the page was not built."""
+    path = files("texproj") / "preview" / "static" / "bundle" / "report.js"
+    return path.read_text(encoding="utf-8") if path.is_file() else ""
 
 
 def _colors(facts: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:

@@ -15,6 +15,8 @@ from texproj.photo import Correspondences, Photo
 from texproj.render import GBuffer
 from texproj.standing import upward
 
+Direction = NDArray[np.float64]
+
 OVERLAY_LONGEST = 800
 """Longer side of a photo in the report, pixels."""
 VIEW_SIZE = (640, 480)
@@ -33,8 +35,10 @@ EDGE_DEPTH_RATIO = 0.01
 EDGE_NORMAL_COSINE = 0.8
 """A turn of the normal between neighboring pixels past this cosine is one too."""
 
-PAPER = 238
+BACKDROP = 43
+"""Gray behind the model: dark, so that holes are not taken for bright stone."""
 EDGE_COLOR = (0, 255, 255)
+HIDDEN_COLOR = (255, 0, 255)
 PICK_COLOR = (80, 255, 80)
 OUTLIER_COLOR = (255, 60, 60)
 
@@ -49,6 +53,15 @@ def overlay(photo: Photo, gbuffer: GBuffer) -> Bytes:
     edges = mesh_edges(gbuffer)
     picture[cv2.dilate(edges, np.ones((2, 2), np.uint8)) > 0] = EDGE_COLOR
     return picture
+
+
+def marked_hidden(picture: Bytes, free: Bytes) -> Bytes:
+    """The picture with what is left out of it (0 in `free`, of any size) in magenta."""
+    size = (picture.shape[1], picture.shape[0])
+    hidden = cv2.resize(free, size, interpolation=cv2.INTER_NEAREST) == 0
+    out = picture.copy()
+    out[hidden] = (out[hidden] * 0.5 + np.array(HIDDEN_COLOR) * 0.5).astype(np.uint8)
+    return out
 
 
 def mesh_edges(gbuffer: GBuffer) -> Bytes:
@@ -101,10 +114,21 @@ def encoded(photo: Photo) -> Bytes:
     return np.array(photo.srgb8())
 
 
-def on_paper(picture: Bytes) -> Bytes:
-    """(h, w, 3) of a (h, w, 4) picture, on light gray where it is transparent."""
+def on_backdrop(picture: Bytes) -> Bytes:
+    """(h, w, 3) of a (h, w, 4) picture, on dark gray where it is transparent."""
     alpha = picture[..., 3:].astype(np.float32) / 255
-    return np.round(picture[..., :3] * alpha + PAPER * (1 - alpha)).astype(np.uint8)
+    return np.round(picture[..., :3] * alpha + BACKDROP * (1 - alpha)).astype(np.uint8)
+
+
+def frame_of(mesh: Mesh, cameras: Sequence[Camera]) -> tuple[Direction, Direction]:
+    """Upward, as in the photos, and level to where most photos were taken: (3,) unit vectors at
+    right angles.
+    """
+    up, front = upward(cameras), _frontal(cameras, mesh.center)
+    level = front - up * (front @ up)
+    if np.linalg.norm(level) < 1e-6:  # all photos from above
+        level = np.cross(up, np.roll(up, 1))
+    return up, _unit(level)
 
 
 def viewpoints(mesh: Mesh, cameras: Sequence[Camera]) -> list[Camera]:
@@ -112,25 +136,36 @@ def viewpoints(mesh: Mesh, cameras: Sequence[Camera]) -> list[Camera]:
 
     Upward in the views is upward in the photos.
     """
-    center = mesh.center
-    up, front = upward(cameras), _frontal(cameras, center)
-    level = _unit(front - up * (front @ up))
+    views = around(mesh, cameras, VIEW_ANGLES_DEG, VIEW_SIZE)
+    return [Camera(_filling_lens(mesh, [view.pose], VIEW_SIZE), view.pose) for view in views]
+
+
+def around(
+    mesh: Mesh, cameras: Sequence[Camera], angles_deg: Sequence[float], size: tuple[int, int]
+) -> list[Camera]:
+    """Cameras of one lens around the mesh, turned by these angles from the front; size: width and
+    height of their pictures.
+    """
+    up, level = frame_of(mesh, cameras)
     elevation = np.radians(VIEW_ELEVATION_DEG)
     back = np.cos(elevation) * level + np.sin(elevation) * up
-    views = []
-    for angle_deg in VIEW_ANGLES_DEG:
+    poses = []
+    for angle_deg in angles_deg:
         turn = cv2.Rodrigues(up * np.radians(angle_deg))[0]
-        pose = Pose.look_at(center + VIEW_DISTANCE * mesh.diagonal * turn @ back, center, up)
-        views.append(Camera(_filling_lens(mesh, pose), pose))
-    return views
+        center = mesh.center + VIEW_DISTANCE * mesh.diagonal * turn @ back
+        poses.append(Pose.look_at(center, mesh.center, up))
+    lens = _filling_lens(mesh, poses, size)
+    return [Camera(lens, pose) for pose in poses]
 
 
-def _filling_lens(mesh: Mesh, pose: Pose) -> Intrinsics:
-    """A lens of the size of the views in which the mesh just fits."""
-    width, height = VIEW_SIZE
-    xyz = pose.apply(mesh.vertices)
-    reach = np.abs(xyz[:, :2] / xyz[:, 2:]).max(0)
-    focal = VIEW_FILLED / 2 * float(np.min((width, height) / np.maximum(reach, 1e-9)))
+def _filling_lens(mesh: Mesh, poses: Sequence[Pose], size: tuple[int, int]) -> Intrinsics:
+    """A lens of the size of the views in which the mesh just fits, whichever the view."""
+    width, height = size
+    reach = np.full(2, 1e-9)
+    for pose in poses:
+        xyz = pose.apply(mesh.vertices)
+        reach = np.maximum(reach, np.abs(xyz[:, :2] / xyz[:, 2:]).max(0))
+    focal = VIEW_FILLED / 2 * float(np.min((width, height) / reach))
     return Intrinsics(width, height, focal, focal, width / 2, height / 2)
 
 

@@ -7,32 +7,32 @@ another. The point moves with camera j: its ray is cut with the plane that touch
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
 from texproj.arrays import Doubles
-from texproj.camera import Camera, Intrinsics
+from texproj.camera import Camera
 from texproj.solve.reprojection import projection_jacobian
+from texproj.solve.shared_lens import LensParameters, ideal_of
 
 Cameras = tuple[Camera, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class Ties:
-    """n ties. to, source: (n,) numbers of the cameras i and j; to_px: (n, 2) where the point is
-    seen in i; ideal_in_source: (n, 2) x/z and y/z of its ray in camera j, focal_in_source: (n,) at
-    the focal length fx in pixels that j had then; point, normal: (n, 3) world, the plane that
-    touches the surface there.
+    """n ties. to, source: (n,) numbers of the cameras i and j; to_px, source_px: (n, 2) where the
+    point is seen in each; ideal_in_source: (n, 2) x/z and y/z of its ray in camera j, with the lens
+    that j had then; point, normal: (n, 3) world, the plane that touches the surface there.
     """
 
     to: NDArray[np.intp]
     source: NDArray[np.intp]
     to_px: Doubles
+    source_px: Doubles
     ideal_in_source: Doubles
-    focal_in_source: Doubles
     point: Doubles
     normal: Doubles
 
@@ -65,21 +65,9 @@ class Anchors:
 
 
 @dataclass(frozen=True, eq=False)
-class Lenses:
-    """Which cameras share a focal length. group: (cameras,) numbers; log_focal: (groups,) what is
-    known of log fx beforehand, sigma: its standard deviation; free: (groups,) bool, is it solved.
-    """
-
-    group: NDArray[np.intp]
-    log_focal: Doubles
-    sigma: float
-    free: NDArray[np.bool_]
-
-
-@dataclass(frozen=True, eq=False)
 class JointPoses:
-    """All poses and shared focal lengths from ties and anchors; the variable is a tuple of cameras,
-    its step six numbers a camera, as `Pose.step`, then the change of log focal of each group.
+    """All poses and shared intrinsics from ties and anchors; the variable is a tuple of cameras,
+    its step six numbers a camera, as `Pose.step`, then those of `lenses`.
 
     sigma_px: (cameras,) noise of the ties found in each photo; fixed: (cameras,) bool, whose poses
     are not solved.
@@ -87,7 +75,7 @@ class JointPoses:
 
     ties: Ties
     anchors: Anchors
-    lenses: Lenses
+    lenses: LensParameters
     sigma_px: Doubles
     fixed: NDArray[np.bool_]
 
@@ -105,17 +93,17 @@ class JointPoses:
         out = np.empty((len(self.ties), 3))
         for j in np.unique(self.ties.source):
             rows = self.ties.source == j
-            out[rows] = self._met(cameras[j], rows)[0]
+            out[rows] = self._met(cameras[j], rows)
         return out
 
     def jacobian(self, cameras: Cameras) -> sparse.csr_matrix:
-        """(2 n, 6 cameras + groups) derivative of the residual by the step."""
-        n = len(self.ties)
-        own, other = np.zeros((n, 2, 7)), np.zeros((n, 2, 7))
+        """(2 n, 6 cameras + lens parameters) derivative of the residual by the step."""
+        n, names = len(self.ties), self.lenses.names
+        own, other = np.zeros((2, n, 2, 6 + len(names)))
         xyz = self.points(cameras)
         for i in np.unique(self.ties.to):
             rows = self.ties.to == i
-            own[rows] = projection_jacobian(cameras[i], xyz[rows], ("focal",))
+            own[rows] = projection_jacobian(cameras[i], xyz[rows], names)
         for i, j in np.unique(np.stack([self.ties.to, self.ties.source], axis=1), axis=0):
             rows = (self.ties.to == i) & (self.ties.source == j)
             by_point = own[rows][:, :, 3:6] @ cameras[i].pose.R
@@ -125,28 +113,28 @@ class JointPoses:
         return sparse.csr_matrix(sparse.diags(weight) @ whole)
 
     def step(self, cameras: Cameras, delta: Doubles) -> Cameras:
-        """Each pose moved by its six numbers, each focal length scaled."""
+        """Each pose moved by its six numbers, each lens by its own."""
         count = len(cameras)
-        moves, scale = delta[: 6 * count].reshape(-1, 6), np.exp(np.clip(delta[6 * count :], -1, 1))
+        moves, change = delta[: 6 * count].reshape(-1, 6), delta[6 * count :]
         return tuple(
             Camera(
-                scaled_focal(c.intrinsics, float(scale[self.lenses.group[k]])),
+                self.lenses.step(k, c.intrinsics, change),
                 c.pose if self.fixed[k] else c.pose.step(moves[k]),
             )
             for k, c in enumerate(cameras)
         )
 
     def prior(self, cameras: Cameras) -> tuple[Doubles, sparse.csr_matrix]:
-        """The anchors, what is known of the focal lengths, and a unit hold on what is fixed."""
-        anchors = self.anchors
+        """The anchors, what is known of the lenses, and a unit hold on what is fixed."""
+        anchors, names = self.anchors, self.lenses.names
         residual = np.zeros((len(anchors.camera), 2))
-        jacobian = np.zeros((len(anchors.camera), 2, 7))
+        jacobian = np.zeros((len(anchors.camera), 2, 6 + len(names)))
         for k in np.unique(anchors.camera):
             rows = anchors.camera == k
             sigma = anchors.sigma_px[rows, None]
             seen = cameras[k].project(anchors.point[rows])[0]
             residual[rows] = (seen - anchors.px[rows]) / sigma
-            columns = projection_jacobian(cameras[k], anchors.point[rows], ("focal",))
+            columns = projection_jacobian(cameras[k], anchors.point[rows], names)
             jacobian[rows] = columns / sigma[..., None]
         known = np.isfinite(residual).all(axis=1)
         matrix = self._scattered(jacobian[known], anchors.camera[known])
@@ -155,61 +143,55 @@ class JointPoses:
         return np.concatenate([residual[known].ravel(), held]), whole
 
     def _holds(self, cameras: Cameras) -> tuple[sparse.csr_matrix, Doubles]:
-        """A row for each parameter: the focal lengths' prior, one for what must not move."""
-        lenses = self.lenses
-        first = [int(np.flatnonzero(lenses.group == g)[0]) for g in range(len(lenses.log_focal))]
-        log_focal = np.log([cameras[k].intrinsics.fx for k in first])
-        sigma = np.where(lenses.free, lenses.sigma, 1.0)
-        value = np.where(lenses.free, (log_focal - lenses.log_focal) / sigma, 0)
-        weight = np.concatenate([np.repeat(self.fixed, 6).astype(float), 1 / sigma])
-        return sparse.csr_matrix(sparse.diags(weight)), np.concatenate(
-            [np.zeros(6 * len(cameras)), value]
-        )
+        """A row for each parameter: the prior of each intrinsic, one for what must not move."""
+        value, weight = self.lenses.prior(cameras)
+        weight = np.concatenate([np.repeat(self.fixed, 6).astype(float), weight])
+        held = np.concatenate([np.zeros(6 * len(cameras)), value])
+        return sparse.csr_matrix(sparse.diags(weight)), held
 
-    def _met(self, camera: Camera, rows: NDArray[np.bool_]) -> tuple[Doubles, Doubles, Doubles]:
-        """(k, 3) where the rays of `rows` meet the surface; the rays in cam; how far along."""
-        scale = self.ties.focal_in_source[rows] / camera.intrinsics.fx
-        ideal = self.ties.ideal_in_source[rows] * scale[:, None]
+    def _met(self, camera: Camera, rows: NDArray[np.bool_]) -> Doubles:
+        """(k, 3) where the rays of `rows` meet the surface, world."""
+        px, guess = self.ties.source_px[rows], self.ties.ideal_in_source[rows]
+        ideal = ideal_of(camera.intrinsics, px, guess)
         in_cam = np.concatenate([ideal, np.ones((len(ideal), 1))], axis=1)
         ray = in_cam @ camera.pose.R
         normal = self.ties.normal[rows]
         gap = ((self.ties.point[rows] - camera.center) * normal).sum(1)
         along = gap / (normal * ray).sum(1)
-        return camera.center + ray * along[:, None], in_cam, along
+        out: Doubles = camera.center + ray * along[:, None]
+        return out
 
     def _point_jacobian(self, camera: Camera, rows: NDArray[np.bool_]) -> Doubles:
-        """(k, 3, 7) how the surface point moves with the pose and the focal length of the camera
-        whose ray it is on.
+        """(k, 3, 6 + names) how the surface point moves with pose and lens of the camera whose ray
+        it is on: its pixel stays.
         """
         R = camera.pose.R
-        xyz, in_cam, along = self._met(camera, rows)
+        xyz = self._met(camera, rows)
         turn = R.T @ _cross_matrices(camera.pose.apply(xyz))
         shift = -np.broadcast_to(R.T, (len(xyz), 3, 3))
-        zoom = (-in_cam * (1, 1, 0) * along[:, None]) @ R
-        free = np.concatenate([turn, shift, zoom[:, :, None]], axis=2)
+        at = projection_jacobian(camera, xyz, self.lenses.names)
+        aside = -np.linalg.solve(at[:, :, 3:5], at[:, :, 6:])
+        by_lens = R[:2].T @ aside
+        free = np.concatenate([turn, shift, by_lens], axis=2)
         ray, normal = xyz - camera.center, self.ties.normal[rows]
         slide = ray / (normal * ray).sum(1, keepdims=True)
         out: Doubles = free - slide[:, :, None] * (normal[:, None] @ free)
         return out
 
     def _scattered(self, blocks: Doubles, camera: NDArray[np.intp]) -> sparse.csr_matrix:
-        """(2 n, parameters) sparse matrix of (n, 2, 7) blocks, in the columns of their cameras and
-        lenses; what is fixed stays zero.
+        """(2 n, parameters) sparse matrix of (n, 2, 6 + names) blocks, in the columns of their
+        cameras and lenses; what is fixed stays zero.
         """
-        n, group, lenses = len(blocks), self.lenses.group[camera], self.lenses
+        n, width = len(blocks), blocks.shape[2]
+        lens = self.lenses.columns[camera]
         free = np.repeat(~self.fixed[camera][:, None], 6, axis=1)
-        free = np.concatenate([free, lenses.free[group][:, None]], axis=1)
+        free = np.concatenate([free, self.lenses.free[lens]], axis=1)
         columns = camera[:, None] * 6 + np.arange(6)
-        columns = np.concatenate([columns, 6 * len(self.fixed) + group[:, None]], axis=1)
-        rows = np.repeat(np.arange(2 * n), 7)
+        columns = np.concatenate([columns, 6 * len(self.fixed) + lens], axis=1)
+        rows = np.repeat(np.arange(2 * n), width)
         columns = np.repeat(columns[:, None], 2, axis=1)
-        shape = (2 * n, 6 * len(self.fixed) + len(lenses.log_focal))
+        shape = (2 * n, 6 * len(self.fixed) + self.lenses.count)
         return sparse.csr_matrix(((blocks * free[:, None]).ravel(), (rows, columns.ravel())), shape)
-
-
-def scaled_focal(k: Intrinsics, factor: float) -> Intrinsics:
-    """`k` with both focal lengths times `factor`."""
-    return replace(k, fx=k.fx * factor, fy=k.fy * factor)
 
 
 def _cross_matrices(v: Doubles) -> Doubles:

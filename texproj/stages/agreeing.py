@@ -13,6 +13,7 @@ from texproj.camera import Camera
 from texproj.errors import InputError
 from texproj.photo import Photo
 from texproj.records import CameraRecord, Fit
+from texproj.register.joint.lenses import PhotoStart
 from texproj.register.proof.camps import Ruling
 from texproj.register.proof.together import LEAST_PHOTOS, brought_together
 from texproj.render import GBuffer
@@ -43,7 +44,13 @@ def placed_by_agreement(
     if len(known) < LEAST_PHOTOS or not own:
         return {}
     progress(STAGE, 0, 1, "comparing the photos on the surface")
-    order = list(known)
+    order, entries = list(known), bench.project.load_cameras()
+
+    def start(name: str) -> PhotoStart:
+        before = start_of(entries.get(name))
+        lens = lens_of(bench.project, name, before)
+        given = before is not None and before.intrinsics is not None
+        return PhotoStart(known[name], 0.0, lens, given, name not in names)
 
     def load(number: int, longest: int) -> Photo:
         return bench.project.load_photo(order[number], longest)
@@ -51,12 +58,8 @@ def placed_by_agreement(
     def render(camera: Camera) -> GBuffer:
         return bench.plain_scene.gbuffer(camera, CHANNELS)
 
-    entries = bench.project.load_cameras()
-    lenses = [lens_of(bench.project, name, start_of(entries.get(name))) for name in order]
-    fixed = [name not in names for name in order]
-    found = brought_together(
-        list(known.values()), fixed, lenses, load, render, bench.project.settings.refine
-    )
+    photos = [start(name) for name in order]
+    found = brought_together(photos, load, render, bench.project.settings.refine)
     progress(STAGE, 1, 1, "")
     return {
         order[k]: _told(found.cameras[k], found.expected_error_px[k], ruling, found.start_error_px)

@@ -8,11 +8,11 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from texproj.errors import InputError
-from texproj.records import PROOF, CameraRecord, Fit
+from texproj.records import PROOF, CameraRecord, Fit, Status
 from texproj.stages.attending import PhotoFaultError, attended
 from texproj.stages.bench import Workbench
 from texproj.stages.lineage import FAULT
-from texproj.stages.methods import METHODS, Job, Search, search_as_asked
+from texproj.stages.methods import METHODS, Job, Search, believed, search_as_asked
 from texproj.stages.outcomes import UNUSABLE, failed_record, refused_record, registered_record
 from texproj.stages.progress import Progress
 
@@ -70,6 +70,16 @@ def by_features(job: Job) -> Search:
     return search_as_asked(job, "features")
 
 
+def as_searches(told: Mapping[str, Fit | str]) -> dict[str, Search]:
+    """What was said of photos that were placed together, by photo, as searches of them."""
+    return {
+        name: Search(None, (fit,), ("block",))
+        if isinstance(fit, str)
+        else Search().then([("block", partial(believed, fit))])
+        for name, fit in told.items()
+    }
+
+
 def as_placed(found: Search, _: Job) -> Search:
     """What a step said of a photo, as a search of it."""
     return found
@@ -89,7 +99,8 @@ def record_of(job: Job, found: Search, why: dict[str, Any]) -> CameraRecord:
     """The entry that a search makes."""
     start = job.start
     if start is not None:
-        start = replace(start, extra={}, refinement=None)
+        status: Status = "prior" if start.status == "registered" else start.status
+        start = replace(start, status=status, extra={}, refinement=None)
     if found.fit is None:
         quality = {"reason": found.reason, **why}
         return failed_record(job.project, job.name, start, quality)

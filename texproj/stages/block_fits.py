@@ -68,5 +68,5 @@ def certain(fit: Fit) -> Fit:
     if percent <= MAX_ERROR_PERCENT:
         return fit
     through = ", ".join(fit.quality[THROUGH])
-    reason = f"{through} leaves it uncertain by {percent:.2f} % of its longer side; pick 4 points"
+    reason = f"{through} leaves it uncertain by {percent:.2f} % of its longer side; pick 8 points"
     return replace(fit, accepted=False, reason=reason)

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
+
+import numpy as np
 
 from texproj.camera import Camera
 from texproj.errors import InputError, RegistrationError
 from texproj.photo import Photo
 from texproj.records import THROUGH, CameraRecord, Fit
 from texproj.register.block.anchor import Anchor, Anchored, anchored
-from texproj.register.block.confirmation import Confirmation, confirmation
+from texproj.register.block.confirmation import (
+    APART,
+    LEAST_APART_PERCENT,
+    Confirmation,
+    confirmation,
+)
 from texproj.register.block.reconstruction import Reconstruction
+from texproj.register.motion import motion_px
 from texproj.register.proof.judge import judge
 from texproj.stages.bench import FEATURES_LONGEST, Workbench
 from texproj.stages.block_fits import (
@@ -30,6 +38,8 @@ from texproj.stages.entries import expected_error_px
 from texproj.stages.methods import REGISTRATION_LONGEST
 from texproj.stages.progress import Progress
 
+PLACED = "placed with the others"
+NOT_BORNE_OUT = "its own registration is not borne out by the other photos"
 MOST_AGREE = 0.6
 """Share of the photos that must agree on the surface where the mesh has no structure to be found:
 at a wrong place hardly any do."""
@@ -39,7 +49,8 @@ def held(
     bench: Workbench, part: Reconstruction, own: Mapping[str, CameraRecord], progress: Progress
 ) -> Told:
     """The photos of a part where those of them that are registered put it, if the others bear them
-    out; else where its shape fits the mesh.
+    out; else where its shape fits the mesh. Of the registered ones only those are told that are
+    not borne out: where the block has them, or why nothing bears them out.
     """
     try:
         place = anchored(part, [_anchor(bench, record) for record in own.values()])
@@ -58,9 +69,12 @@ def held(
     cameras = [place.world_from_block.camera(camera) for camera in part.cameras]
     errors = [float(error) for error in place.expected_error_px]
     if asked.agrees and asked.sure is not None:
-        return _surest(part, asked, cameras, errors, quality)
-    return {name: certain(fit_of(cameras[k], part, k, errors[k], quality))
-            for k, name in enumerate(part.names)}  # fmt: skip
+        told = _surest(part, asked, cameras, errors, quality)
+    else:
+        told = {name: certain(fit_of(cameras[k], part, k, errors[k], quality))
+                for k, name in enumerate(part.names)}  # fmt: skip
+    wrong = [name for name in own if name not in through]
+    return _without(told, through, wrong, f"{NOT_BORNE_OUT}: {', '.join(through)}")
 
 
 def _surest(
@@ -89,15 +103,48 @@ def _against(
     bench: Workbench, part: Reconstruction, own: Mapping[str, CameraRecord], progress: Progress
 ) -> Told:
     """The photos of a part where its shape fits the mesh, in spite of those that are registered."""
-    wrong = f"{', '.join(own)} is registered where the other photos do not bear it out"
     try:
         told = searched(bench, part, progress)
     except RegistrationError as error:
-        raise RegistrationError(f"{wrong}; {error}") from None
-    return {
-        name: replace(fit, reason="; ".join(filter(None, [wrong, fit.reason])))
-        for name, fit in told.items() if isinstance(fit, Fit)
-    }  # fmt: skip
+        others = {n: f"{_elsewhere([*own])}; {error}" for n in part.names if n not in own}
+        return {**others, **dict.fromkeys(own, NOT_BORNE_OUT)}
+    right = [name for name, record in own.items() if _is_at(bench, told[name], record)]
+    wrong = [name for name in own if name not in right]
+    if not wrong:
+        return _without(told, right, (), "")
+    for name, fit in told.items():
+        if isinstance(fit, Fit) and not fit.accepted:
+            told[name] = replace(fit, reason=f"{_elsewhere(wrong)}; {fit.reason}")
+    return _without(told, right, wrong, NOT_BORNE_OUT)
+
+
+def _elsewhere(wrong: Sequence[str]) -> str:
+    return f"{', '.join(wrong)} is registered where the other photos do not bear it out"
+
+
+def _is_at(bench: Workbench, fit: Fit | str, record: CameraRecord) -> bool:
+    """Whether the block is sure of a place of a registered photo, and the photo is there."""
+    camera = record.registered_camera
+    if not isinstance(fit, Fit) or not fit.accepted or camera is None:
+        return False
+    apart = motion_px(fit.camera, camera, bench.surface_sample)
+    sigma = np.hypot(fit.expected_error_px, expected_error_px(record))
+    return bool(apart < max(APART * sigma, LEAST_APART_PERCENT / 100 * camera.width))
+
+
+def _without(told: Told, right: Collection[str], wrong: Collection[str], reason: str) -> Told:
+    """What is told, without the registered photos that are right, and with the reason why those
+    that are `wrong` are elsewhere now, or what is said against them.
+    """
+    left: Told = {}
+    for name, fit in told.items():
+        if name in wrong:
+            left[name] = reason
+            if isinstance(fit, Fit) and fit.accepted:
+                left[name] = replace(fit, reason=f"{PLACED}; {reason}")
+        elif name not in right:
+            left[name] = fit
+    return left
 
 
 def _agree(bench: Workbench, part: Reconstruction, place: Anchored, through: Sequence[str]) -> bool:

@@ -39,13 +39,14 @@ def place_together(
 ) -> Told:
     """A camera for each of the photos `names`, or why there is none.
 
-    anchors: registered photos, which hold the block on the mesh where it contains any. What was
-    found of photos and pairs is kept in work/, so that an interrupted run goes on where it stopped.
+    anchors: registered photos, which hold the block on the mesh where it contains any; of them
+    those are told, too, that the others do not bear out. What was found of photos and pairs is kept
+    in work/, so that an interrupted run goes on where it stopped.
     """
     return_freed_memory()
     photos, told = _photos(bench, [*names, *anchors])
     if len(photos) < LEAST_PHOTOS:
-        return {name: told[name] for name in names if name in told}
+        return _of(names, told)
     try:
         with TemporaryDirectory(prefix="texproj-block-") as scratch:
             motion = structure_from_motion(
@@ -56,13 +57,18 @@ def place_together(
                 lambda what, done, total: progress(what, done, total, ""),
             )
     except RegistrationError as error:
-        return told | {photo.name: str(error) for photo in photos}
+        refused: Told = dict.fromkeys(names, str(error))
+        return refused | told
     keep_graph(bench.project, motion.graph)
-    told |= motion.left_out
+    told = _of(names, {**told, **motion.left_out})
     for part in motion.parts:
         if {*part.names} & {*names}:
             told |= _placed(bench, part, anchors, progress)
     trim()
+    return told
+
+
+def _of(names: Sequence[str], told: Told) -> Told:
     return {name: told[name] for name in names if name in told}
 
 
@@ -98,4 +104,4 @@ def _placed(
     try:
         return held(bench, part, own, progress) if own else searched(bench, part, progress)
     except RegistrationError as error:
-        return dict.fromkeys(part.names, str(error))
+        return {name: str(error) for name in part.names if name not in own}

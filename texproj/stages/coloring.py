@@ -25,6 +25,7 @@ from texproj.stages.freshness import (
     file_inputs,
     options_inputs,
 )
+from texproj.stages.occluding import keep_occluders, occluder_inputs
 from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
 from texproj.stages.writing import OutputPlan, output_plan, write_texture, write_vertices
@@ -91,9 +92,10 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
     before = project.load_record(STAGE)
     if before is not None and color_freshness(project).fresh:
         return _outcome(project, before, kept=True)
-    inputs = _inputs(project)
     cameras, failed = usable_cameras(project)
     plan = output_plan(project.settings.color, project.settings.output, tuple(cameras.values()))
+    hidden = keep_occluders(bench, cameras, progress)
+    inputs = _inputs(project)
     colors, write = _made(bench, photo_set(project, cameras), plan, progress)
     failed |= colors.failed
     if not set(cameras) - set(failed):
@@ -107,6 +109,7 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
         "used": [name for name in cameras if name not in failed],
         "failed": failed,
         "quality": colors.quality,
+        "occluders": hidden,
         "standing": asdict(plan.standing),
         "mesh notes": list(bench.source.notes),
     }
@@ -188,11 +191,13 @@ def _other_shape(project: Project, record: CameraRecord) -> str:
 
 
 def photo_set(project: Project, cameras: Mapping[str, Camera]) -> PhotoSet:
-    """The photos of these cameras."""
+    """The photos of these cameras, without what stands in front of the piece."""
     from texproj.color.sampling.photo_set import PhotoSet  # noqa: PLC0415 - slow to load
 
+    cut = project.settings.color.occluders
+
     def read(name: str) -> Photo:
-        return attended(name, partial(project.load_photo, name))
+        return attended(name, partial(project.load_photo, name, cut=cut))
 
     return PhotoSet(tuple(cameras), tuple(cameras.values()), read)
 
@@ -243,11 +248,23 @@ def _photo_inputs(project: Project, name: str, record: CameraRecord) -> Inputs:
         return {}
     camera = {"width": record.width, "height": record.height, **camera_part(record)}
     files = {name: project.photo_path(name), f"mask of {name}": project.mask_path(name)}
-    return {**file_inputs(project, **files), f"camera of {name}": json_hash(camera)}
+    hidden = occluder_inputs(project, name)
+    return {**file_inputs(project, **files), **hidden, f"camera of {name}": json_hash(camera)}
+
+
+def _left_out(name: str, told: dict[str, Any]) -> str:
+    """The sentence about what stands in front of the piece in a photo."""
+    if told["edited"]:
+        return f"{name}: {told['mask']}, which was edited, says what is left out of it"
+    return (
+        f"{name}: something stands in front of the piece ({100 * told['share']:.1f} % of what the"
+        f" photo shows of it) and is left out; {told['mask']} shows what, and can be edited"
+    )
 
 
 def _outcome(project: Project, record: dict[str, Any], kept: bool) -> ColorOutcome:
     files, used = tuple(record["outputs"]), tuple(record["used"])
-    notes = tuple(record.get("mesh notes", ()))
+    hidden = record.get("occluders", {})
+    notes = (*record.get("mesh notes", ()), *(_left_out(n, told) for n, told in hidden.items()))
     failed, quality = record["failed"], record["quality"]
     return ColorOutcome(project.out, files, used, failed, quality, notes, kept)

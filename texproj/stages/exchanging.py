@@ -26,7 +26,7 @@ from texproj.register.proof.prove import Proof
 from texproj.stages.bench import Workbench
 from texproj.stages.photo_names import PhotoNames, by_photo
 from texproj.stages.proving import believe, lying_mask
-from texproj.stages.readings import Reading, Readings, readings
+from texproj.stages.readings import Reading, Readings, readings, with_known_focal
 
 ImportStatus = Literal["registered", "prior"]
 
@@ -166,8 +166,8 @@ def _checked(
         told = ", ".join(excerpt(camera.name) for camera in found[:SHOWN])
         raise InputError(f"{len(found)} cameras of the file fit its name ({told})")
     info = bench.project.photo_info(photo)
-    told_stored = stored[0] if len(stored) == 1 else None
-    possible = readings(found[0], told_stored, info)
+    told_stored = with_known_focal(stored[0], info) if len(stored) == 1 else None
+    possible = readings(with_known_focal(found[0], info), told_stored, info)
     seeing = {t: r for t, r in possible.of.items() if _sees_mesh(bench, r.camera)}
     if not seeing:
         raise InputError(BLIND)
@@ -231,6 +231,8 @@ def _vouched(
 
 def _doubt(reading: Reading, proof: Proof | None) -> str:
     """Why nobody should vouch for a camera; empty if nothing speaks against it."""
+    if reading.start_only:
+        return reading.start_only
     if proof is None:
         return ""
     if proof.standing == "contradicted":

@@ -99,7 +99,8 @@ class Sources:
 class Neighborhood:
     """The photos in the order of their names, and which of those around one are registered.
 
-    companions: by photo, the others that show the same, the best first.
+    registered: their names in that order; companions: by photo, the others that show the same, the
+    best first.
     """
 
     def __init__(
@@ -109,8 +110,8 @@ class Neighborhood:
         companions: Mapping[str, Sequence[str]],
     ) -> None:
         self._rank = {name: k for k, name in enumerate(names)}
-        self._registered = [name for name in names if name in registered]
-        self._ranks = [self._rank[name] for name in self._registered]
+        self.registered = [name for name in names if name in registered]
+        self._ranks = [self._rank[name] for name in self.registered]
         self.companions = companions
 
     def around(self, name: str, apart: Collection[str]) -> tuple[str, ...]:
@@ -137,14 +138,14 @@ class Neighborhood:
         """One more photo is registered."""
         if not self._has(name):
             place = bisect_left(self._ranks, self._rank[name])
-            self._registered.insert(place, name)
+            self.registered.insert(place, name)
             self._ranks.insert(place, self._rank[name])
 
     def remove(self, name: str) -> None:
         """A photo is registered no more."""
         if self._has(name):
             place = bisect_left(self._ranks, self._rank[name])
-            del self._registered[place], self._ranks[place]
+            del self.registered[place], self._ranks[place]
 
     def _outwards(self, rank: int) -> Iterator[str]:
         after = bisect_left(self._ranks, rank)
@@ -153,10 +154,10 @@ class Neighborhood:
             below = rank - self._ranks[before] if before >= 0 else float("inf")
             above = self._ranks[after] - rank if after < len(self._ranks) else float("inf")
             if below <= above:
-                yield self._registered[before]
+                yield self.registered[before]
                 before -= 1
             else:
-                yield self._registered[after]
+                yield self.registered[after]
                 after += 1
 
 
@@ -185,7 +186,7 @@ class Lineage:
         """
         names, sources = project.photo_names, Sources(project)
         cameras = own_cameras(entries)
-        registered = {n for n in names if n in entries and entries[n].registered_camera}
+        registered = {n for n in names if n in entries and entries[n].vouches}
         around = Neighborhood(names, registered, companions(project))
         behind = Behind(entries.values())
         traces = {name: Trace.read(project, name) for name in names}

@@ -26,9 +26,9 @@ MOST_COMPARED = 8
 """With how many other photos the features of a photo are compared."""
 
 AUTO = "auto"
-UNSURE = "how far this camera may be off cannot be told (pick 4 points)"
+UNSURE = "how far this camera may be off cannot be told (pick 8 points)"
 NOTHING_TO_START_FROM = (
-    "nothing to start from: pick at least 4 points, or give an approximate camera in cameras.json"
+    "nothing to start from: pick 8 points, or give an approximate camera in cameras.json"
 )
 
 Attempt = tuple[str, Callable[[], Fit]]
@@ -193,7 +193,7 @@ def _by_points(job: Job) -> Fit:
     picks = job.project.load_correspondences(job.name)
     if picks is None:
         path = job.project.correspondences_path(job.name)
-        raise RegistrationError(f"no picks at {path}; pick at least 4 points")
+        raise RegistrationError(f"no picks at {path}; pick 8 points")
     pose = job.start.pose if job.start is not None else None
     options = job.project.settings.points
     info = job.project.photo_info(job.name)

@@ -5,7 +5,7 @@ picture or of the stored one, of this size or of another.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from texproj.camera import Camera
@@ -24,12 +24,14 @@ UPRIGHT = "EXIF turns this photo: its camera is taken as one of the upright pict
 @dataclass(frozen=True, eq=False)
 class Reading:
     """camera: for the upright photo at full size; note: what was assumed; other_picture: why the
-    camera may be one of another picture than the photo, empty where nothing says so.
+    camera may be one of another picture than the photo; start_only: why it can be no more than a
+    start; both are empty where nothing says so.
     """
 
     camera: Camera
     note: str
     other_picture: str = ""
+    start_only: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +51,15 @@ class Readings:
     def best(self, practice: Turn) -> Reading:
         """The reading for what the program did, or the only one."""
         return self.of[practice] if practice in self.of else next(iter(self.of.values()))
+
+
+def with_known_focal(told: ForeignCamera, info: PhotoInfo) -> ForeignCamera:
+    """The camera with EXIF's focal length in place of a nominal one."""
+    if told.focal_told or info.focal_px is None:
+        return told
+    k = told.camera.intrinsics
+    f = info.focal_px * max(k.width, k.height) / max(info.width, info.height)
+    return replace(told, camera=replace(told.camera, intrinsics=replace(k, fx=f, fy=f)))
 
 
 def readings(told: ForeignCamera, stored: ForeignCamera | None, info: PhotoInfo) -> Readings:
@@ -106,7 +117,8 @@ def _sized(told: ForeignCamera, camera: Camera, info: PhotoInfo, note: str) -> R
                 " pictures free of distortion? Then put those into photos/"
             )
         camera = camera.resized(info.width, info.height)
-    return Reading(camera, "; ".join(filter(None, [*notes, *told.notes])), other)
+    said = "; ".join(filter(None, [*notes, *told.notes]))
+    return Reading(camera, said, other, told.start_only)
 
 
 def _same_shape(camera: Camera, width: int, height: int) -> bool:

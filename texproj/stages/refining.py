@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from texproj.register.joint.refine import Refined
 
 STAGE = "refine"
-VERSION = 2
+VERSION = 3
 CHANNELS = ("depth", "normal")
 BLOCK_PERCENT = 0.33
 """Freedom of a block's photos, percent of the longer side: 10 pixels of 3072."""
@@ -161,23 +161,26 @@ def _usable(project: Project, name: str, entry: CameraRecord) -> CameraRecord | 
 
 
 def _refine(bench: Workbench, before: Mapping[str, CameraRecord], fixed: list[bool]) -> Refined:
+    from texproj.register.joint.lenses import PhotoStart  # noqa: PLC0415 - slow to load
     from texproj.register.joint.refine import refine  # noqa: PLC0415 - slow to load
 
     project = bench.project
     names = list(before)
-    cameras = [_camera(record) for record in before.values()]
-    sigma = [_sigma_px(record) for record in before.values()]
+
+    def start(record: CameraRecord, held: bool) -> PhotoStart:
+        known = start_of(record)
+        lens = lens_of(project, record.file, known)
+        given = known is not None and known.intrinsics is not None
+        return PhotoStart(_camera(record), _sigma_px(record), lens, given, held)
 
     def load(number: int, longest: int) -> Photo:
         return project.load_photo(names[number], longest)
 
-    lenses = [lens_of(project, name, start_of(record)) for name, record in before.items()]
-    options = project.settings.refine
-
     def render(camera: Camera) -> GBuffer:
         return bench.plain_scene.gbuffer(camera, CHANNELS)
 
-    return refine(cameras, sigma, fixed, lenses, load, render, options)
+    photos = [start(record, held) for record, held in zip(before.values(), fixed, strict=True)]
+    return refine(photos, load, render, project.settings.refine)
 
 
 def _sigma_px(record: CameraRecord) -> float:

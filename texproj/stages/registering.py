@@ -8,19 +8,8 @@ from functools import partial
 from typing import Any
 
 from texproj.project import Project
-from texproj.records import CameraRecord, Fit
-from texproj.stages.attempts import (
-    Placing,
-    as_block,
-    as_placed,
-    by_agreement,
-    by_features,
-    judged,
-    noted,
-    record_of,
-    searched,
-    told_rests_on,
-)
+from texproj.records import DOUBTED, CameraRecord, Fit
+from texproj.stages import attempts
 from texproj.stages.attending import PhotoFaultError, attended
 from texproj.stages.bench import Workbench
 from texproj.stages.entries import camera_hash, own_registration, start_of
@@ -33,22 +22,19 @@ from texproj.stages.methods import (
     NEAREST,
     Job,
     Search,
-    believed,
     search_as_asked,
     search_by_others,
     search_by_own_means,
     shared_points,
 )
-from texproj.stages.outcomes import (
-    PhotoOutcome,
-)
+from texproj.stages.outcomes import PhotoOutcome
 from texproj.stages.partners import companions, compare_looks, load_graph
 from texproj.stages.progress import Progress, silent
 from texproj.stages.wave import Evidence, Wave
 
 Names = tuple[str, ...]
 STANDS_APART = (
-    "shows nothing that the registered photos show; leave it out (`exclude`) or pick 4 points"
+    "shows nothing that the registered photos show; leave it out (`exclude`) or pick 8 points"
 )
 
 
@@ -70,10 +56,13 @@ def register_photos(
         run.keep()
         run.attend_alone()
         run.judge()
-        if run.asked == AUTO and not run.registered:
-            run.attend_by_agreement()
-        if run.asked == AUTO and not run.registered:
-            run.attend_together(run.without_means, {})
+        if run.asked == AUTO:
+            run.keep_what_holds_again()
+            if not run.registered:
+                run.attend_by_agreement()
+            loose, registered = run.without_means, run.registered
+            if len(registered) < len(loose):  # few would vouch for many
+                run.attend_together(loose, registered)
         if run.asked in (AUTO, "features"):
             run.attend_through_others()
         if run.asked == AUTO and (
@@ -115,7 +104,7 @@ class _Run:
         self.lineage = Lineage.of(self.project, self.entries)
         self.cameras, self.traces = dict(self.lineage.cameras), dict(self.lineage.traces)
         self.behind = Behind(self.entries.values())
-        registered = {n for n, entry in self.entries.items() if entry.registered_camera}
+        registered = {n for n, entry in self.entries.items() if entry.vouches}
         self.graph = load_graph(self.project)
         known = companions(self.project)
         self.near = Neighborhood(self.project.photo_names, registered, known)
@@ -135,7 +124,7 @@ class _Run:
     def registered(self) -> dict[str, CameraRecord]:
         """The photos through which others could be found."""
         known = {n: self.entries[n] for n in self.project.photo_names if n in self.entries}
-        return {n: entry for n, entry in known.items() if entry.registered_camera is not None}
+        return {n: entry for n, entry in known.items() if entry.vouches}
 
     @property
     def without_means(self) -> Names:
@@ -180,17 +169,32 @@ class _Run:
             if name in self.waiting:
                 self.keep_if_it_holds(name, self.lineage.alone[name])
 
+    def keep_what_holds_again(self) -> None:
+        """Settle photos whose registered ones were sought anew and are where they were."""
+        for name in self.lineage.order:
+            if name in self.waiting and self.through(name):
+                self.keep_if_it_holds(name, self.state(name))
+
     def attend_together(self, names: Names, anchors: Mapping[str, CameraRecord]) -> bool:
         """Place photos all at once; returns whether one was found."""
-        searches = self.placed(names, anchors, as_block) if names else {}
+        searches = self.placed(names, anchors, attempts.as_block) if names else {}
         self.learn_companions()
         for name, found in searches.items():
             self.blocks[name] = names
-            if found.fit is not None or name in self.outcomes:
-                self.attend(name, partial(as_placed, self.continued(name, found)))
+            if name in anchors and found.fit is None:
+                self.doubt(name, found.reason)
+            elif found.fit is not None or name in self.outcomes:
+                self.attend(name, partial(attempts.as_placed, self.continued(name, found)))
             else:
                 self.own[name] = found
         return any(found.fit is not None and found.fit.accepted for found in searches.values())
+
+    def doubt(self, name: str, reason: str) -> None:
+        """The photo stays registered, but others do not bear it out: none is sought through it."""
+        entry, trace = self.entries[name], self.traces[name]
+        record = replace(entry, quality={**entry.quality, DOUBTED: True, "reason": reason})
+        self.settle(PhotoOutcome(name, record, False, reason))
+        self.keeper.add(record, trace or Trace(self.asked, (), (), {}))
 
     def continued(self, name: str, found: Search) -> Search:
         """A search after what was tried of the photo before."""
@@ -201,7 +205,7 @@ class _Run:
         return replace(found, refusals=reasons, tried=(*trace.tried, *found.tried))
 
     def placed(
-        self, names: Names, anchors: Mapping[str, CameraRecord], how: Placing
+        self, names: Names, anchors: Mapping[str, CameraRecord], how: attempts.Placing
     ) -> dict[str, Search]:
         """What is said of each of several photos that are placed together; what nobody foresaw in
         it is said of all of them.
@@ -214,11 +218,7 @@ class _Run:
         except PhotoFaultError as error:
             told = dict.fromkeys(names, str(error))
             self.faulty |= set(names)
-        return {
-            name: Search(None, (fit,), ("block",)) if isinstance(fit, str)
-            else Search().then([("block", partial(believed, fit))])
-            for name, fit in told.items()
-        }  # fmt: skip
+        return attempts.as_searches(told)
 
     def attend_by_agreement(self) -> bool:
         """Bring photos that have failed from rough cameras to agree with each other on the surface;
@@ -228,11 +228,11 @@ class _Run:
         if not names or names == self.disagreeing:
             return False
         self.disagreeing = names
-        searches = self.placed(names, self.registered, by_agreement)
+        searches = self.placed(names, self.registered, attempts.by_agreement)
         found = {n: s for n, s in searches.items() if s.fit is not None and s.fit.accepted}
+        self.blocks |= dict.fromkeys(found, names)
         for name, search in found.items():
-            self.blocks[name] = names
-            self.attend(name, partial(as_placed, self.continued(name, search)))
+            self.attend(name, partial(attempts.as_placed, self.continued(name, search)))
         return bool(found)
 
     @property
@@ -246,12 +246,12 @@ class _Run:
         """
         if not self.new or len(self.registered) < 2:
             return False
-        found = judged(self.bench, self.registered, self.new)
+        found = attempts.judged(self.bench, self.registered, self.new)
         for name, told in found.items():
             if told.refusal:
-                trace = self.traces[name]
-                self.own[name] = Search(None, (told.refusal,), trace.tried if trace else ())
-                self.attend(name, partial(as_placed, self.own[name]))
+                tried = trace.tried if (trace := self.traces[name]) else ()
+                self.own[name] = Search(None, (told.refusal,), tried)
+                self.attend(name, partial(attempts.as_placed, self.own[name]))
             else:
                 self.note(name, told.proof, "")
                 self.notes[name] = told.note
@@ -261,7 +261,7 @@ class _Run:
         """Note it with the photos of this run where the mesh does not tell their place."""
         if not self.new:
             return
-        what = told_rests_on(self.bench, self.registered)
+        what = attempts.told_rests_on(self.bench, self.registered)
         for name in self.new:
             by_itself = self.entries[name].method != "features"
             told = filter(None, [self.notes.get(name), what if by_itself else ""])
@@ -269,7 +269,7 @@ class _Run:
 
     def note(self, name: str, proof: dict[str, Any], note: str) -> None:
         """More to tell of a photo; its camera is the same."""
-        record, trace = noted(self.entries[name], proof, note), self.traces[name]
+        record, trace = attempts.noted(self.entries[name], proof, note), self.traces[name]
         assert trace is not None
         self.entries[name] = record
         self.outcomes[name] = PhotoOutcome(name, record, False, record.quality["reason"])
@@ -289,7 +289,7 @@ class _Run:
 
     def attend_through_others(self) -> None:
         """What the photos that are registered show of others, and those of others again."""
-        search = self.by_others if self.asked == AUTO else by_features
+        search = self.by_others if self.asked == AUTO else attempts.by_features
         self.look_for_companions()
         wave = Wave(self.evidence, self.strength, self.waits)
         for name in self.chosen:
@@ -330,7 +330,7 @@ class _Run:
             if own.fit is not None:
                 return own
             self.own[job.name] = own
-        if not job.has_means and self.graph.stands_apart(job.name, self.registered):
+        if not job.has_means and self.graph.stands_apart(job.name, self.near.registered):
             return Search(None, (STANDS_APART,), ("features",))
         self.places[job.name] = {*(before or ()), *list(job.neighbors)[:NEAREST]}
         return search_by_others(job, own.reason if own.tried else "", before)
@@ -358,11 +358,11 @@ class _Run:
         done = min(len(self.outcomes), len(self.chosen) - 1)
         self.progress(STAGE, done, len(self.chosen), name)
         job, before = self.job(name), self.entries.get(name)
-        found, why = searched(job, search)
+        found, why = attempts.searched(job, search)
         self.faulty |= {name} if FAULT in why else set()
         if found.fit is None and name in self.faulty:
             why = {**why, FAULT: True}
-        record = record_of(job, found, why)
+        record = attempts.record_of(job, found, why)
         record = replace(record, extra=before.extra if before is not None else {})
         tried = tuple(dict.fromkeys([*self.own.get(name, Search()).tried, *found.tried]))
         self.settle(PhotoOutcome(name, record, False, record.quality.get("reason", "")))
@@ -377,7 +377,7 @@ class _Run:
         self.shaken.discard(name)
         self.cameras[name] = camera_hash(own_registration(record))
         self.behind.put(record)
-        (self.near.add if record.registered_camera else self.near.remove)(name)
+        (self.near.add if record.vouches else self.near.remove)(name)
 
     def keep_trace(self, record: CameraRecord, tried: tuple[str, ...], around: Names) -> None:
         """Write an entry and what it was made from."""

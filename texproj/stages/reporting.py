@@ -2,44 +2,32 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from texproj.errors import InputError
 from texproj.files import json_hash, staging
 from texproj.formats.cameras import camera_part
-from texproj.formats.models import read_model
-from texproj.mesh import ColoredMesh, TexturedMesh
 from texproj.project import Project
 from texproj.records import CameraRecord
-from texproj.render import render_model
-from texproj.report.page import data_url, page
-from texproj.report.pictures import (
-    OVERLAY_LONGEST,
-    RESIDUAL_MAGNIFICATION,
-    draw_picks,
-    encoded,
-    on_paper,
-    overlay,
-    viewpoints,
-)
+from texproj.report.page import page
+from texproj.report.pictures import RESIDUAL_MAGNIFICATION
+from texproj.report.verdict import verdict
 from texproj.stages.bench import Workbench
 from texproj.stages.coloring import STAGE as COLOR
+from texproj.stages.depicting import pictures
 from texproj.stages.entries import is_refined
 from texproj.stages.freshness import Freshness, Inputs, changed_inputs, file_inputs, options_inputs
 from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
-from texproj.stages.writing import GLB, OBJ, PLY
 from texproj.version import __version__
 
 STAGE = "report"
-VERSION = 1
+VERSION = 2
 HTML, JSON = "report.html", "report.json"
 
 
@@ -76,14 +64,8 @@ def report_project(bench: Workbench, progress: Progress = silent) -> ReportOutco
     inputs = _inputs(project)
     records = project.load_cameras()
     facts = _facts(bench, records)
-    overlays = {}
     names = project.photo_names
-    for done, name in enumerate(names):
-        progress(STAGE, done, len(names), name)
-        picture = _overlay(bench, name, records.get(name))
-        if picture is not None:
-            overlays[name] = picture
-    html = page(facts, overlays, _views(bench, records))
+    html = page(facts, pictures(bench, records, partial(progress, STAGE)))
     with staging(project.out) as folder:
         (folder / HTML).write_text(html, encoding="utf-8")
         (folder / JSON).write_text(json.dumps(facts, indent=1, default=str), encoding="utf-8")
@@ -133,7 +115,7 @@ def _facts(bench: Workbench, records: dict[str, CameraRecord]) -> dict[str, Any]
     photos = [_photo_facts(project, name, records.get(name)) for name in project.photo_names]
     color = project.load_record(COLOR)
     renderer = bench.renderer
-    return {
+    facts = {
         "format": "texproj-report",
         "version": VERSION,
         "texproj": __version__,
@@ -158,6 +140,7 @@ def _facts(bench: Workbench, records: dict[str, CameraRecord]) -> dict[str, Any]
         "photos": photos,
         "color": color and {**color, "files": list(color["outputs"])},
     }
+    return {**facts, "verdict": verdict(facts)}
 
 
 def _refinement(project: Project, records: dict[str, CameraRecord]) -> str:
@@ -174,76 +157,17 @@ def _refinement(project: Project, records: dict[str, CameraRecord]) -> str:
 
 def _photo_facts(project: Project, name: str, record: CameraRecord | None) -> dict[str, Any]:
     try:
-        notes = list(project.photo_info(name).notes)
+        info = project.photo_info(name)
+        size, notes = [info.width, info.height], list(info.notes)
     except InputError as error:
-        notes = [str(error)]
-    if record is None:
-        return _facts_of(name, "failed", None, "not registered yet", {}, notes)
-    reason = record.quality.get("reason") or ""
-    return _facts_of(name, record.status, record.method, reason, record.quality, notes)
-
-
-def _facts_of(
-    name: str,
-    status: str,
-    method: str | None,
-    reason: str,
-    quality: dict[str, Any],
-    notes: list[str],
-) -> dict[str, Any]:
+        size, notes = None, [str(error)]
+    quality = record.quality if record else {}
     return {
         "file": name,
-        "status": status,
-        "method": method,
-        "reason": reason,
+        "size": size,
+        "status": record.status if record else "failed",
+        "method": record.method if record else None,
+        "reason": (quality.get("reason") or "") if record else "not registered yet",
         "quality": quality,
         "notes": notes,
     }
-
-
-def _overlay(bench: Workbench, name: str, record: CameraRecord | None) -> str | None:
-    """The photo with the mesh's edges and its picks; None if it cannot be read."""
-    try:
-        photo = bench.project.load_photo(name, OVERLAY_LONGEST)
-        picks = bench.project.load_correspondences(name)
-    except InputError:  # the registration has reported it
-        return None
-    camera = record.registered_camera if record else None
-    if record is None or camera is None:
-        return data_url(encoded(photo))
-    small = camera.resized(photo.width, photo.height)
-    picture = overlay(photo, bench.plain_scene.gbuffer(small, ("depth", "normal")))
-    if picks is not None:
-        outliers = [p["name"] for p in record.quality.get("picks", []) if p["outlier"]]
-        picture = draw_picks(picture, camera, picks, outliers)
-    return data_url(picture)
-
-
-def _views(bench: Workbench, records: dict[str, CameraRecord]) -> list[str]:
-    """The colored model from three sides; none if there is no model yet."""
-    model = _model(bench.project)
-    if model is None:
-        return []
-    cameras = [c for r in records.values() if (c := r.registered_camera) is not None]
-    views = viewpoints(bench.mesh, cameras)
-    return [data_url(on_paper(render_model(bench.renderer, model, view))) for view in views]
-
-
-def _model(project: Project) -> TexturedMesh | ColoredMesh | None:
-    """The model as it was written; None if there is none whose images can be read (ktx2)."""
-    outputs = (project.load_record(COLOR) or {}).get("outputs", {})
-    for name in (GLB, OBJ, PLY):
-        if name in outputs and (project.out / name).is_file():
-            with contextlib.suppress(InputError):
-                return _drawable(read_model(project.out / name))
-    return None
-
-
-def _drawable(model: TexturedMesh | ColoredMesh) -> TexturedMesh | ColoredMesh:
-    """The model with vertices that are not finite, which no face has, put where one has."""
-    finite = np.isfinite(model.vertices).all(axis=1, keepdims=True)
-    if finite.all() or not len(model.faces):
-        return model
-    return replace(
-        model, vertices=np.where(finite, model.vertices, model.vertices[model.faces[0, 0]])
-    )

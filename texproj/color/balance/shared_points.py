@@ -72,10 +72,14 @@ class PointObserver:
     The number of observations stays below `MOST_OBSERVATIONS` whatever the number of photos.
     """
 
-    def __init__(self, points: PointSource, photos: int, detail: bool = False) -> None:
-        """`photos`: how many there are in all; detail: whether to measure how sharp they are."""
+    def __init__(
+        self, points: PointSource, photos: int, detail: bool = False, count: int = COMPARED
+    ) -> None:
+        """`photos`: how many there are in all; detail: whether to measure how sharp they are;
+        count: about so many of the points are looked at.
+        """
         self._meter = DetailMeter(points) if detail else None
-        self._chunk = spread_points(points, COMPARED)
+        self._chunk = spread_points(points, count)
         self._step = 1
         self._shots: list[Shot | None] = [None] * photos
         self._seen: list[_Seen | None] = [None] * photos

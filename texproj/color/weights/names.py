@@ -5,7 +5,7 @@ FACTORS = {
     "density": "Pixels on the surface",
     "border": "Away from the picture's edge",
     "silhouette": "Away from depth discontinuities",
-    "mask": "Away from what is masked",
+    "mask": "Away from what is masked or in front",
     "exposure": "Neither clipped nor black",
     "focus": "As sharp as the other photos",
     "highlight": "Without a highlight",

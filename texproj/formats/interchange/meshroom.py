@@ -7,6 +7,8 @@ in mm of a sensor width.
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +17,12 @@ from texproj.errors import InputError, excerpt
 from texproj.formats.interchange.model import (
     ForeignCamera,
     ForeignModel,
+    Shot,
     SizeOf,
     Unusable,
+    Written,
+    five,
+    left_out,
     lens,
     number,
     numbers,
@@ -26,7 +32,9 @@ from texproj.formats.interchange.model import (
 from texproj.formats.interchange.text import identity, member, members, read_object, word
 
 Version = tuple[int, ...]
-FROM_CENTER, IN_MM = (1, 2, 1), (1, 2, 2)
+FROM_CENTER, IN_MM, WRITTEN = (1, 2, 1), (1, 2, 2), (1, 2, 6)
+FILM_MM = 36.0
+"""Nominal width of the sensor in what we write; only its ratio to the focal length counts."""
 DISTORTIONS = {
     "pinhole": 0, "none": 0, "radial1": 1, "radialk1": 1, "radial3": 3, "radialk3": 3, "brown": 5,
 }  # fmt: skip
@@ -54,6 +62,52 @@ def read_meshroom(path: Path, size_of: SizeOf) -> ForeignModel:
         except Unusable as reason:
             refused[name] = str(reason)
     return ForeignModel(tuple(found), refused)
+
+
+def write_meshroom(shots: Sequence[Shot]) -> Written:
+    """cameras.sfm of version 1.2.6, brown lenses of one focal length; photos of a lens share it."""
+    lenses = list(dict.fromkeys(shot.camera.intrinsics for shot in shots))
+    content = {
+        "version": [str(part) for part in WRITTEN],
+        "views": [
+            {
+                "viewId": str(i), "poseId": str(i), "path": shot.path,
+                "intrinsicId": str(1 + lenses.index(shot.camera.intrinsics)),
+                "width": str(shot.camera.width), "height": str(shot.camera.height),
+            }
+            for i, shot in enumerate(shots, 1)
+        ],
+        "intrinsics": [_written_lens(i, k) for i, k in enumerate(lenses, 1)],
+        "poses": [
+            {"poseId": str(i), "pose": {"transform": {
+                "rotation": _texts(shot.camera.pose.R.T.ravel()),
+                "center": _texts(shot.camera.center),
+            }, "locked": "1"}}
+            for i, shot in enumerate(shots, 1)
+        ],
+    }  # fmt: skip
+    notes = {shot.name: note for shot in shots if (note := _lost(shot.camera.intrinsics))}
+    return Written({"cameras.sfm": (json.dumps(content, indent=1) + "\n").encode()}, notes)
+
+
+def _written_lens(number_: int, k: Intrinsics) -> dict[str, Any]:
+    k1, k2, p1, p2, k3 = five(k.dist)
+    return {
+        "intrinsicId": str(number_), "width": str(k.width), "height": str(k.height),
+        "sensorWidth": repr(FILM_MM), "sensorHeight": repr(FILM_MM * k.height / k.width),
+        "type": "brown", "focalLength": repr((k.fx + k.fy) / 2 * FILM_MM / k.width),
+        "pixelRatio": "1", "principalPoint": _texts((k.cx - k.width / 2, k.cy - k.height / 2)),
+        "distortionParams": _texts((k1, k2, k3, p1, p2)), "locked": "true",
+    }  # fmt: skip
+
+
+def _texts(values: Iterable[float]) -> list[str]:
+    return [repr(float(value)) for value in values]
+
+
+def _lost(k: Intrinsics) -> str:
+    higher = {f"dist[{i}]": v for i, v in enumerate(k.dist) if i > 4}
+    return left_out({"fx - fy": k.fx - k.fy, **higher})
 
 
 def _version(content: dict[str, Any], path: Path) -> Version:

@@ -1,10 +1,12 @@
-"""Camera XML of Agisoft Metashape (and PhotoScan from 1.2 on).
+"""Camera XML of Agisoft Metashape and PhotoScan.
 
 ``u = width/2 + cx + x' f + x' b1 + y' b2``, ``v = height/2 + cy + y' f`` with
 ``x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6 + k4 r^8) + p1 (r^2 + 2 x^2) + 2 p2 x y`` and
 ``y' = y (...) + p2 (r^2 + 2 y^2) + 2 p1 x y`` (Metashape manual, appendix on camera models):
 OpenCV's p1 and p2 with their names exchanged; pixels as ours. Coefficients that are zero are not
 written.
+PhotoScan before 1.3 wrote <fx>, <fy>, <skew>, <cx> and <cy> from the picture's corner, and p1 and
+p2 as OpenCV has them (Agisoft Lens manual 0.4; "Camera projection model", agisoft.com/forum 6437).
 A camera's transform is chunk_from_cam with OpenCV's axes; the chunk's or the component's own
 transform (scale, rotation, translation) leads on to the world.
 """
@@ -155,22 +157,27 @@ def _sensor(sensor: ET.Element, where: str) -> Sensor:
 def _lens(
     calibration: ET.Element, width: float, height: float, where: str
 ) -> tuple[Intrinsics, str]:
-    if calibration.find("f") is None:
-        raise InputError(f"{where}: no focal length <f> (a version before PhotoScan 1.2?)")
+    old = calibration.find("fx") is not None
+    if not old and calibration.find("f") is None:
+        raise InputError(f"{where}: no focal length <f>, and no <fx>")
 
     def value(key: str) -> float:
         return number(calibration.findtext(key, "0"), f"{where}, {key}")
 
-    f, k4, b2 = value("f"), value("k4"), value("b2")
-    center = width / 2 + value("cx"), height / 2 + value("cy")
-    dist = (value("k1"), value("k2"), value("p2"), value("p1"), value("k3"))
-    intrinsics, note = with_fourth_order(
-        lens(width, height, (f + value("b1"), f), center, dist), k4
-    )
-    if not b2:
+    if old:
+        focal, center = (value("fx"), value("fy")), (value("cx"), value("cy"))
+        p1, p2, skew = value("p1"), value("p2"), value("skew")
+    else:
+        focal = value("f") + value("b1"), value("f")
+        center = width / 2 + value("cx"), height / 2 + value("cy")
+        p1, p2, skew = value("p2"), value("p1"), value("b2")
+    dist = (value("k1"), value("k2"), p1, p2, value("k3"))
+    intrinsics, note = with_fourth_order(lens(width, height, focal, center, dist), value("k4"))
+    if not skew:
         return intrinsics, note
-    skew = abs(b2) * height / 2 / f
-    return intrinsics, sentences([note, f"skew b2 = {b2:.6g} is ignored: up to {skew:.2g} px"])
+    most = abs(skew) * height / 2 / focal[1]
+    name = "skew" if old else "skew b2"
+    return intrinsics, sentences([note, f"{name} = {skew:.6g} is ignored: up to {most:.2g} px"])
 
 
 def _camera(

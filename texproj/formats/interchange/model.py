@@ -29,6 +29,11 @@ Y_AND_Z_FLIPPED = np.diag([1.0, -1.0, -1.0])
 LARGEST = 1e30
 """Size beyond which a number means nothing in a camera's file, whatever it is for."""
 
+NOMINAL_FOCAL = 1.0
+"""Focal length over the longer side where nothing tells it: 36 mm of a full-frame camera."""
+
+NO_LENS = "the file tells no whole lens: its camera is taken as a start"
+
 CLEAN_ROTATION = 1e-12
 """Rotations as exact as this keep every bit."""
 
@@ -38,13 +43,17 @@ class ForeignCamera:
     """The camera of the photo that the file calls `name`, maybe with folders, maybe without
     an ending; notes: what was lost or assumed, one sentence each; orientation: EXIF's number as
     the file tells it, None where it does not: 1 if the picture was upright to the program, another
-    if the camera is of the stored picture, which lies.
+    if the camera is of the stored picture, which lies. start_only: why the camera can be no more
+    than a start, empty where the file tells all of it; focal_told: False where the focal length is
+    a nominal one, for which the photo's own EXIF is the better guess.
     """
 
     name: str
     camera: Camera
     notes: tuple[str, ...] = ()
     orientation: int | None = None
+    start_only: str = ""
+    focal_told: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +140,13 @@ def lens(
     Raises Unusable for values that no camera has.
     """
     return possible(checked_intrinsics, width, height, f, c, dist, "its lens")
+
+
+def unknown_lens(name: str, size: tuple[int, int], pose: Pose) -> ForeignCamera:
+    """The camera of a file that tells a pose and no lens: a start, with a nominal focal length."""
+    center = size[0] / 2, size[1] / 2
+    intrinsics = lens(*size, NOMINAL_FOCAL * max(size), center)
+    return ForeignCamera(name, Camera(intrinsics, pose), start_only=NO_LENS, focal_told=False)
 
 
 def possible(check: Callable[..., T], *values: Any) -> T:

@@ -7,6 +7,8 @@ is read as counting from the image corner, as openMVG's own exporter to COLMAP t
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +17,12 @@ from texproj.errors import InputError, excerpt
 from texproj.formats.interchange.model import (
     ForeignCamera,
     ForeignModel,
+    Shot,
     SizeOf,
     Unusable,
+    Written,
+    five,
+    left_out,
     lens,
     number,
     numbers,
@@ -27,6 +33,10 @@ from texproj.formats.interchange.text import identity, member, members, read_obj
 
 LOW_BITS = 0x3FFFFFFF
 """cereal marks the first object of each type in the upper bits of its number."""
+
+NAMED_HERE = 0x80000000
+"""cereal's mark of an object whose type or content stands here, not earlier in the file."""
+WRITTEN = "pinhole_brown_t2"
 
 Lens = Intrinsics | Unusable
 DISTORTIONS = {
@@ -40,6 +50,11 @@ def read_openmvg(path: Path, size_of: SizeOf) -> ForeignModel:
 
     Raises InputError for broken files.
     """
+    if path.suffix.lower() == ".bin":
+        raise InputError(
+            f"{path}: openMVG's binary form; convert it: openMVG_main_ConvertSfM_DataFormat -i"
+            " sfm_data.bin -o sfm_data.json -V -I -E"
+        )
     content = read_object(path)
     lenses = _lenses(content, path)
     poses = _poses(content, path)
@@ -60,6 +75,59 @@ def read_openmvg(path: Path, size_of: SizeOf) -> ForeignModel:
         else:
             found.append(ForeignCamera(name, Camera(intrinsics, pose)))
     return ForeignModel(tuple(found), refused)
+
+
+def write_openmvg(shots: Sequence[Shot]) -> Written:
+    """sfm_data.json of pinhole_brown_t2 lenses of one focal length; photos of a lens share it."""
+    lenses = list(dict.fromkeys(shot.camera.intrinsics for shot in shots))
+    named = {"polymorphic_id": NAMED_HERE + 1, "polymorphic_name": WRITTEN}
+    content = {
+        "sfm_data_version": "0.3", "root_path": "",
+        "views": [
+            {"key": i, "value": {"polymorphic_id": 1 << 30, "ptr_wrapper": {
+                "id": NAMED_HERE + 1 + i, "data": _view(i, lenses.index(s.camera.intrinsics), s),
+            }}}
+            for i, s in enumerate(shots)
+        ],
+        "intrinsics": [
+            {"key": i, "value": {
+                **(named if not i else {"polymorphic_id": 1}),
+                "ptr_wrapper": {"id": NAMED_HERE + 1 + len(shots) + i, "data": _written_lens(k)},
+            }}
+            for i, k in enumerate(lenses)
+        ],
+        "extrinsics": [
+            {"key": i, "value": {
+                "rotation": s.camera.pose.R.tolist(), "center": s.camera.center.tolist(),
+            }}
+            for i, s in enumerate(shots)
+        ],
+        "structure": [], "control_points": [],
+    }  # fmt: skip
+    notes = {shot.name: note for shot in shots if (note := _lost(shot.camera.intrinsics))}
+    return Written({"sfm_data.json": (json.dumps(content, indent=1) + "\n").encode()}, notes)
+
+
+def _view(number_: int, lens_: int, shot: Shot) -> dict[str, Any]:
+    folder, _, name = shot.path.rpartition("/")
+    k = shot.camera.intrinsics
+    return {
+        "local_path": f"{folder}/" if folder else "/", "filename": name, "width": k.width,
+        "height": k.height, "id_view": number_, "id_intrinsic": lens_, "id_pose": number_,
+    }  # fmt: skip
+
+
+def _written_lens(k: Intrinsics) -> dict[str, Any]:
+    k1, k2, p1, p2, k3 = five(k.dist)
+    return {
+        "width": k.width, "height": k.height, "focal_length": (k.fx + k.fy) / 2,
+        "principal_point": [k.cx, k.cy], DISTORTIONS[WRITTEN][0]: [k1, k2, k3, p1, p2],
+    }  # fmt: skip
+
+
+def _lost(k: Intrinsics) -> str:
+    higher = {f"dist[{i}]": v for i, v in enumerate(k.dist) if i > 4}
+    return left_out({"fx - fy": k.fx - k.fy, **higher})
 
 
 def _data(value: Any, where: str) -> dict[str, Any]:

@@ -1,12 +1,9 @@
 """RealityScan's (RealityCapture's) "Internal/External camera parameters" CSV.
 
-With heading, pitch, roll all zero the camera looks down (-z) with its top to north (+y). In general
-``world_from_cam = Rz(-heading) Rx(pitch) Ry(roll)`` for camera axes x right, y up, z backward
-("Registration export and camera orientations", forums.unrealengine.com; so does nerfstudio).
-Focal length: 35 mm equivalent over the longer side, ``f max(w, h) / 36`` px. Principal point:
-offset from the image center in units of the longer side. Distortion: Brown's; what t1 and
-t2 multiply is not documented: they are taken as OpenCV's p1 and p2, and a note says so where they
-are not zero.
+Heading, pitch, roll are those of `angles`. Focal length: 35 mm equivalent over the longer side,
+``f max(w, h) / 36`` px. Principal point: offset from the image center in units of the longer side.
+Distortion: Brown's; what t1 and t2 multiply is not documented: they are taken as OpenCV's p1 and
+p2, and a note says so where they are not zero.
 """
 
 from __future__ import annotations
@@ -17,14 +14,14 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from texproj.camera import Camera, Intrinsics
 from texproj.errors import InputError
 from texproj.formats.documents import read_text
+from texproj.formats.interchange.angles import (
+    heading_pitch_roll_deg,
+    rotation_of_heading_pitch_roll,
+)
 from texproj.formats.interchange.model import (
-    Y_AND_Z_FLIPPED,
-    Array,
     ForeignCamera,
     ForeignModel,
     Shot,
@@ -126,30 +123,10 @@ def _camera(name: str, values: dict[str, float], size: tuple[int, int]) -> Forei
     intrinsics = lens(width, height, values["f"] * longer / FILM_MM, center, dist)
     intrinsics, note = with_fourth_order(intrinsics, values["k4"])
     tangential = TANGENTIAL if values["t1"] or values["t2"] else ""
-    angles_rad = np.deg2rad([values[key] for key in ("heading", "pitch", "roll")])
-    pose = pose_at(_rotation(angles_rad), [values[key] for key in ("x", "y", "alt")])
+    R = rotation_of_heading_pitch_roll([values[key] for key in ("heading", "pitch", "roll")])
+    pose = pose_at(R, [values[key] for key in ("x", "y", "alt")])
     said = sentences([note, tangential])
     return ForeignCamera(name, Camera(intrinsics, pose), (said,) if said else ())
-
-
-def _rotation(angles_rad: Array) -> Array:
-    """(3, 3) cam_from_world of heading, pitch, roll."""
-    (sh, sp, sr), (ch, cp, cr) = np.sin(angles_rad), np.cos(angles_rad)
-    heading = np.array([[ch, sh, 0], [-sh, ch, 0], [0, 0, 1]])
-    pitch = np.array([[1, 0, 0], [0, cp, -sp], [0, sp, cp]])
-    roll = np.array([[cr, 0, sr], [0, 1, 0], [-sr, 0, cr]])
-    return Y_AND_Z_FLIPPED @ (heading @ pitch @ roll).T
-
-
-def _angles_rad(R: Array) -> tuple[float, float, float]:
-    """Heading, pitch, roll of a cam_from_world; exact also where pitch is 90 degrees (a level
-    camera) and heading and roll turn about the same axis: roll makes up for the heading found.
-    """
-    heading = np.arctan2(-R[1, 0], -R[1, 1])
-    pitch = np.arctan2(-R[1, 2], np.hypot(R[1, 0], R[1, 1]))
-    s, c = np.sin(heading), np.cos(heading)
-    roll = np.arctan2(s * R[2, 1] - c * R[2, 0], c * R[0, 0] - s * R[0, 1])
-    return heading, pitch, roll
 
 
 def _values(camera: Camera) -> list[float]:
@@ -157,7 +134,7 @@ def _values(camera: Camera) -> list[float]:
     longer = max(k.width, k.height)
     k1, k2, p1, p2, k3 = five(k.dist)
     return [
-        *camera.center, *np.rad2deg(_angles_rad(camera.pose.R)),
+        *camera.center, *heading_pitch_roll_deg(camera.pose.R),
         (k.fx + k.fy) / 2 * FILM_MM / longer,
         (k.cx - k.width / 2) / longer, (k.cy - k.height / 2) / longer,
         k1, k2, k3, 0.0, p1, p2,

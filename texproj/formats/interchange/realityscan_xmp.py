@@ -9,8 +9,10 @@ taken as OpenCV's p1 and p2.
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Sequence
+from pathlib import Path, PurePosixPath
 from typing import Any
+from xml.etree import ElementTree as ET
 
 import numpy as np
 
@@ -20,17 +22,24 @@ from texproj.formats.documents import read_xml
 from texproj.formats.interchange.model import (
     ForeignCamera,
     ForeignModel,
+    Shot,
     SizeOf,
     Unusable,
+    Written,
+    five,
+    left_out,
     lens,
     number,
     numbers,
     pose_at,
     rotation,
     sentences,
+    words,
 )
 from texproj.formats.interchange.radial import with_fourth_order
 
+RDF = "{http://www.w3.org/1999/02/22-rdf-syntax-ns#}"
+XCR = "{http://www.capturingreality.com/ns/xcr/1.1#}"
 FILM_MM = 36.0
 BROWN = ("perspective", "brown3", "brown4", "brown3t2", "brown4t2")
 TANGENTIAL = "t1 and t2 are taken as OpenCV's p1 and p2, which RealityScan does not document"
@@ -56,6 +65,42 @@ def read_realityscan_xmp(path: Path, size_of: SizeOf) -> ForeignModel:
             refused[file.stem] = str(reason)
     note = "coordinates are absolute: the mesh must be exported in the same system"
     return ForeignModel(tuple(found), refused, tuple(absent), (note,) if georeferenced else ())
+
+
+def write_realityscan_xmp(shots: Sequence[Shot]) -> Written:
+    """One sidecar a photo, to lie beside it; lens terms beyond k3 are left out."""
+    files = {f"{PurePosixPath(shot.name).stem}.xmp": _sidecar(shot.camera) for shot in shots}
+    notes = {shot.name: note for shot in shots if (note := _lost(shot.camera.intrinsics))}
+    return Written(files, notes)
+
+
+def _sidecar(camera: Camera) -> bytes:
+    k, longer = camera.intrinsics, max(camera.width, camera.height)
+    k1, k2, p1, p2, k3 = five(k.dist)
+    root = ET.Element("{adobe:ns:meta/}xmpmeta")
+    rdf = ET.SubElement(root, f"{RDF}RDF")
+    attributes = {
+        "Version": "3", "PosePrior": "locked", "Coordinates": "local",
+        "DistortionModel": "brown3t2", "FocalLength35mm": repr(k.fx * FILM_MM / longer),
+        "Skew": "0", "AspectRatio": repr(k.fy / k.fx),
+        "PrincipalPointU": repr((k.cx - k.width / 2) / longer),
+        "PrincipalPointV": repr((k.cy - k.height / 2) / longer), "CalibrationPrior": "locked",
+        "CalibrationGroup": "-1", "DistortionGroup": "-1",
+    }  # fmt: skip
+    inner = ET.SubElement(
+        rdf, f"{RDF}Description", {f"{XCR}{key}": value for key, value in attributes.items()}
+    )
+    ET.SubElement(inner, f"{XCR}Rotation").text = words(camera.pose.R.ravel())
+    ET.SubElement(inner, f"{XCR}Position").text = words(camera.center)
+    ET.SubElement(inner, f"{XCR}DistortionCoeficients").text = words((k1, k2, k3, 0.0, p1, p2))
+    ET.indent(root)
+    return ET.tostring(root, encoding="utf-8") + b"\n"
+
+
+def _lost(k: Intrinsics) -> str:
+    _, _, p1, p2, _ = five(k.dist)
+    higher = {f"dist[{i}]": v for i, v in enumerate(k.dist) if i > 4}
+    return sentences([left_out(higher), TANGENTIAL if p1 or p2 else ""])
 
 
 def _values(file: Path) -> dict[str, str]:

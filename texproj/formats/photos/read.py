@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -34,7 +35,7 @@ BRIGHTEST = 1e6
 def read_photo(
     path: Path,
     info: PhotoInfo,
-    mask: Path | None = None,
+    mask: Path | Sequence[Path] | None = None,
     longest: int | None = None,
     largest_mp: float = LARGEST_PHOTO_MP,
     develop: DevelopOptions = AS_USUAL,
@@ -43,7 +44,7 @@ def read_photo(
 
     sRGB photos of 8 bits stay uint8; all others become float32 linear light of the sRGB
     primaries, values outside of 0..1 kept; pixels that are no finite number are black and never
-    used. `mask`: a stencil image of the upright photo's shape (0 = never use), combined with the
+    used. `mask`: stencil images of the upright photo's shape (0 = never use), combined with the
     photo's own alpha. Raises InputError for damaged files, for more than `largest_mp` million
     pixels and for a stencil of another shape.
     """
@@ -60,8 +61,8 @@ def read_photo(
     stencils = [] if finite is None else [finite]
     if raster.alpha is not None:
         stencils.append(_upright(_stencil(raster.alpha), header))
-    if mask is not None:
-        stencils.append(_read_mask(mask, info, header, largest_mp))
+    given = [mask] if isinstance(mask, Path) else mask or ()
+    stencils += [_read_mask(one, info, header, largest_mp) for one in given]
     return Photo(info, pixels, _combined(stencils, size))
 
 

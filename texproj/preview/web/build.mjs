@@ -1,4 +1,4 @@
-// Bundles the page into ../static/bundle (or the folder given): index.html, app.js, app.css, icon.svg.
+// Bundles the page into ../static/bundle (or the folder given): index.html, app.js, app.css, icon.svg, report.js.
 import { build } from "esbuild";
 import { copyFile, mkdir } from "node:fs/promises";
 import { dirname, join } from "node:path";
@@ -10,7 +10,7 @@ const out = process.argv[2] ?? join(here, "..", "static", "bundle");
 await mkdir(out, { recursive: true });
 await build({
   absWorkingDir: here,
-  entryPoints: { app: "src/main.ts" },
+  entryPoints: { app: "src/main.ts", report: "src/report.ts" },
   bundle: true,
   format: "esm",
   target: "es2022",

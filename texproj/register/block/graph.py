@@ -26,12 +26,14 @@ class PhotoGraph:
     def _neighbors(self) -> Mapping[str, tuple[tuple[int, str], ...]]:
         found: dict[str, list[tuple[int, str]]] = {}
         for (a, b), count in self.matches.items():
+            if count < LEAST_SHARED:
+                continue
             found.setdefault(a, []).append((-count, b))
             found.setdefault(b, []).append((-count, a))
         return {name: tuple(sorted(near)) for name, near in found.items()}
 
     def neighbors(self, name: str) -> tuple[str, ...]:
-        """The photos that show the same as `name`, those with most matches first."""
+        """The photos that show the same as `name`, by LEAST_SHARED matches or more; most first."""
         return tuple(other for _, other in self._neighbors.get(name, ()))
 
     def joined(self, newer: PhotoGraph) -> PhotoGraph:

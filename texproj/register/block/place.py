@@ -44,7 +44,7 @@ def place_block(
     if len(cloud) < LEAST_POINTS:
         raise RegistrationError(
             f"the photos have only {len(cloud)} points in common, too few to see the mesh's shape "
-            "in (pick 4 points in one of them)"
+            "in (pick 8 points in one of them)"
         )
     scan = Scan.of(mesh, seed)
     witnesses, broken = called(block, load_photo, render, scan.surface, ASKED_AT_LAST)
@@ -64,7 +64,7 @@ def _concluded(
     if not found or not found[0].seen:
         raise RegistrationError(
             "the points that the photos have in common fit nowhere on the mesh "
-            "(is it the same object? else pick 4 points in one photo)"
+            "(is it the same object? else pick 8 points in one photo)"
         )
     best = found[0]
     elsewhere = [j for j in found[1:] if not same_place(search.witnesses, best, j)]

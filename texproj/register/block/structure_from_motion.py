@@ -67,7 +67,7 @@ def structure_from_motion(
     if not available():
         raise RegistrationError(
             "placing photos without a start needs COLMAP: pip install pycolmap (there are packages "
-            "for Linux and Windows on x86-64, and for macOS on arm64; elsewhere pick 4 points)"
+            "for Linux and Windows on x86-64, and for macOS on arm64; elsewhere pick 8 points)"
         )
     first: dict[str, str] = {}
     for photo in photos:

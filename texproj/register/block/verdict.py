@@ -14,12 +14,12 @@ def refusal(support: float, rival: float) -> str:
     if support < LEAST_SUPPORT:
         return (
             f"only {support:.0%} of the mesh's structure is found in the photos at the best place "
-            "(is it the same object? else pick 4 points in one photo)"
+            "(is it the same object? else pick 8 points in one photo)"
         )
     if support < LEAST_LEAD * rival:
         return (
             f"the photos fit the mesh in two places nearly as well ({support:.0%} and {rival:.0%} "
-            "of its structure; pick 4 points in one photo)"
+            "of its structure; pick 8 points in one photo)"
         )
     return ""
 
@@ -34,7 +34,7 @@ def doubt(mirror: MirrorTest) -> str:
     if mirror.refused:
         return (
             "the photos fit better with left and right exchanged (is it a mirrored scan? mirror "
-            "the mesh, or pick 4 points)"
+            "the mesh, or pick 8 points)"
         )
     if mirror.undecided:
         return (

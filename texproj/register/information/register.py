@@ -96,7 +96,7 @@ def _required(task: Task, camera: Camera) -> Comparison:
     if comparison is None:
         raise RegistrationError(
             f"{task.photo.info.name}: too little of the mesh is in view of the start camera "
-            "(give a closer start, or pick 4 points)"
+            "(give a closer start, or pick 8 points)"
         )
     return comparison
 
@@ -165,7 +165,7 @@ class Evidence:
 
 def _refusal(proof: Evidence, error_percent: float, options: MutualInformationOptions) -> str:
     """Why the camera is not to be believed; empty if it is."""
-    again = "(give a closer start, a mask of the object, or pick 4 points)"
+    again = "(give a closer start, a mask of the object, or pick 8 points)"
     if max(proof.apart) > AGREED:
         return f"searches from close by end {max(proof.apart):.1%} of the width apart {again}"
     if proof.verdict.support < LEAST_SUPPORT and proof.verdict.patches >= ENOUGH_PATCHES:
@@ -176,7 +176,7 @@ def _refusal(proof: Evidence, error_percent: float, options: MutualInformationOp
     if MIRROR_MARGIN * proof.mirrored_bits > proof.found.information:
         return (
             "the photo fits as well with left and right exchanged (is it a mirrored scan? "
-            "else pick 4 points)"
+            "else pick 8 points)"
         )
     if error_percent > options.max_error_percent:
         return f"the expected error is {error_percent:.1f} % of the longer side {again}"

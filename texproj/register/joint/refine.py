@@ -8,7 +8,7 @@ mesh's frame.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.arrays import Doubles
-from texproj.camera import Camera, Intrinsics
+from texproj.camera import Camera
 from texproj.options import RefineOptions
+from texproj.register.joint.lenses import PhotoStart, shared_lenses, with_aspect
 from texproj.register.joint.overlap import choose_partners, shared_views
 from texproj.register.joint.session import (
     KEPT_PHOTOS,
@@ -29,9 +30,10 @@ from texproj.register.joint.session import (
 )
 from texproj.register.joint.ties import TieSearch, find_ties
 from texproj.render import Render
-from texproj.solve.joint import Anchors, JointPoses, Lenses, Ties
+from texproj.solve.joint import Anchors, JointPoses, Ties
 from texproj.solve.lm import LmFit, LmOptions, Loss, minimize
-from texproj.solve.reprojection import Reprojection, projection_jacobian
+from texproj.solve.reprojection import projection_jacobian
+from texproj.solve.shared_lens import LensParameters
 
 Pair = tuple[int, int]
 
@@ -40,8 +42,6 @@ FIRST_RADIUS_PX, LATER_RADIUS_PX = 8, 5
 MOST_ROUNDS, FINE_ROUNDS = 8, 2
 """Most rounds at the working size, where the cameras come to rest after five to eight, and at twice
 that size."""
-FOCAL_SIGMA = 0.02
-"""Trust in the focal length that the photos of one lens have found on average: relative."""
 LEAST_SUPPORT = 0.15
 """A photo is thrown out if no partner confirms at least this share of its patches."""
 TIE_SIGMA_PX = 0.5
@@ -52,10 +52,11 @@ SETTLED_PX = 0.05
 """Motion of the surface in the photos below which the cameras have stopped, working pixels."""
 ANCHOR_WEIGHT = 2.0
 """For how many independent observations a photo's own registration counts."""
+ASPECT_GAIN = 0.015
+"""Part of the cost that must fall for fy / fx to be solved: most sensors have square pixels, and
+one more number always gains a little."""
 LEAST_SOUGHT = 20
 """Patches sought, or ties, below which nothing is concluded."""
-LEAST_POINTS = 6
-"""Surface points in view with which a pose can follow a change of the lens."""
 TIE_CORRELATION = 20.0
 """How many ties share an error (shape of the mesh, light); widens the expected error."""
 SYSTEMATIC_PX = 0.2
@@ -82,26 +83,19 @@ class Refined:
 
 
 def refine(
-    cameras: Sequence[Camera],
-    sigma_px: Sequence[float],
-    fixed: Sequence[bool],
-    lenses: Sequence[Hashable],
+    photos: Sequence[PhotoStart],
     load_photo: LoadPhoto,
     render: Render,
     options: RefineOptions | None = None,
 ) -> Refined:
-    """Cameras that agree on the surface.
-
-    cameras: full size, registered to a few pixels; sigma_px: expected error of each, full-size
-    pixels; fixed: those that must not move and that the others follow; lenses: cameras of the same
-    lens have the same focal length; render: gives depth and normals for a camera.
-    """
+    """Cameras that agree on the surface. render: gives depth and normals for a camera."""
     options = options or RefineOptions()
-    held = np.array(fixed, bool)
+    cameras = tuple(photo.camera for photo in photos)
     points = anchor_points(cameras, render)
-    start, shared = _shared_lenses(cameras, points, lenses, held, options)
+    start, shared = shared_lenses(photos, points)
     joint = _Joint(
-        tuple(cameras), start, np.array(sigma_px, float), held, shared, load_photo, render, points,
+        cameras, start, np.array([photo.sigma_px for photo in photos]),
+        np.array([photo.fixed for photo in photos]), shared, load_photo, render, points,
         Kept(KEPT_PHOTOS),
     )  # fmt: skip
     pairs = choose_partners(*shared_views(start, render), options.partners)
@@ -110,9 +104,8 @@ def refine(
     if unconfirmed:
         kept = [k for k in range(len(cameras)) if k not in unconfirmed]
         rest = refine(
-            [cameras[k] for k in kept], [sigma_px[k] for k in kept], [fixed[k] for k in kept],
-            [lenses[k] for k in kept], lambda k, size: load_photo(kept[k], size), render, options,
-        )  # fmt: skip
+            [photos[k] for k in kept], lambda k, size: load_photo(kept[k], size), render, options
+        )
         return _with_unconfirmed(rest, kept, joint.given, unconfirmed)
     confirmed = joint.confirmed(found, options)
     pairs = [(i, j) for i, j in pairs if {i, j} <= confirmed]
@@ -128,6 +121,8 @@ def refine(
             now, fit = joint.solve(before, ties, longest)
             if (joint.motion_px(before, now) * joint.working_scale(longest)).max() < SETTLED_PX:
                 break
+        if fit is not None and len(ties) >= LEAST_SOUGHT:
+            joint, now, fit = joint.with_aspect(now, ties, longest, fit)
     tied = tuple(int(k) for k in np.unique([ties.to, ties.source])) if fit else ()
     numbers: dict[str, Any] = {"rounds": rounds, "pairs": len(pairs)}
     if fit is not None:
@@ -149,7 +144,7 @@ class _Joint:
     start: Cameras
     sigma_px: Doubles
     fixed: NDArray[np.bool_]
-    lenses: Lenses
+    lenses: LensParameters
     load_photo: LoadPhoto
     render: Render
     points: list[Doubles]
@@ -167,8 +162,8 @@ class _Joint:
         found = {}
         for i, j in pairs:
             one = find_ties(i, j, views, radius_px)
-            to_full = cameras[i].width / views[i].camera.width
-            found[i, j] = replace(one, ties=_at_full_size(one.ties, to_full, cameras[j]))
+            to, source = (cameras[i], views[i].camera), (cameras[j], views[j].camera)
+            found[i, j] = replace(one, ties=_at_full_size(one.ties, to, source))
         return found
 
     def unconfirmed(self, found: dict[Pair, TieSearch], options: RefineOptions) -> dict[int, str]:
@@ -201,6 +196,20 @@ class _Joint:
         problem = JointPoses(joined, self._anchors(), self.lenses, sigma, self.fixed | ~tied)
         fit = minimize(problem, cameras, TIE_LOSS, STEPS)
         return fit.x, fit
+
+    def with_aspect(
+        self, cameras: Cameras, joined: Ties, longest: int, fit: LmFit[Cameras]
+    ) -> tuple[_Joint, Cameras, LmFit[Cameras]]:
+        """This, the cameras and their fit, with fy / fx solved where the ties ask for it: pixels
+        of most sensors are square, and a wrong surface is explained by others only too easily.
+        """
+        joint = self
+        for group in range(len(self.lenses.blocks[1].value)):
+            freed = replace(joint, lenses=with_aspect(joint.lenses, group))
+            moved, better = freed.solve(cameras, joined, longest)
+            if better.cost < (1 - ASPECT_GAIN) * fit.cost:
+                joint, cameras, fit = freed, moved, better
+        return joint, cameras, fit
 
     def motion_px(self, before: Cameras, after: Cameras) -> Doubles:
         """(n,) mean motion of the surface in each photo, full-size pixels."""
@@ -250,50 +259,6 @@ def _best_support(found: dict[Pair, TieSearch]) -> dict[int, float]:
     return best
 
 
-def _shared_lenses(
-    cameras: Sequence[Camera], points: list[Doubles], lenses: Sequence[Hashable],
-    fixed: NDArray[np.bool_], options: RefineOptions,
-) -> tuple[Cameras, Lenses]:  # fmt: skip
-    """The cameras with the median focal length of their lens, and what is shared."""
-    names = list(dict.fromkeys(lenses))
-    group = np.array([names.index(lens) for lens in lenses])
-    log_focal = np.log([camera.intrinsics.fx for camera in cameras])
-    free = np.array([not fixed[group == g].any() for g in range(len(names))])
-    common = np.array([np.median(log_focal[group == g]) for g in range(len(names))])
-    start = tuple(
-        _relensed(camera, _common_lens(k, group, cameras), points[k]) if free[g] else camera
-        for k, (camera, g) in enumerate(zip(cameras, group, strict=True))
-    )
-    return start, Lenses(group, common, FOCAL_SIGMA, free)
-
-
-def _common_lens(k: int, group: NDArray[np.intp], cameras: Sequence[Camera]) -> Intrinsics:
-    """The median of what the photos of one lens have found for it: focal length over all,
-    principal point and distortion over those of the same format.
-    """
-    own = cameras[k].intrinsics
-    alike = [c.intrinsics for c, g in zip(cameras, group, strict=True) if g == group[k]]
-    fx = float(np.exp(np.median(np.log([lens.fx for lens in alike]))))
-    same = [
-        lens for lens in alike
-        if (lens.width, lens.height, len(lens.dist)) == (own.width, own.height, len(own.dist))
-    ]  # fmt: skip
-    aspect = float(np.median([lens.fy / lens.fx for lens in same]))
-    cx, cy = np.median([(lens.cx, lens.cy) for lens in same], axis=0)
-    dist = np.median([lens.dist for lens in same], axis=0)
-    return replace(own, fx=fx, fy=fx * aspect, cx=float(cx), cy=float(cy), dist=tuple(dist))
-
-
-def _relensed(camera: Camera, lens: Intrinsics, points: Doubles) -> Camera:
-    """The camera with another lens, at the pose from which the surface looks most the same."""
-    xy, _ = camera.project(points)
-    usable = np.isfinite(xy).all(axis=1)
-    if lens == camera.intrinsics or usable.sum() < LEAST_POINTS:
-        return Camera(lens, camera.pose)
-    problem = Reprojection(xy[usable], points[usable])
-    return minimize(problem, Camera(lens, camera.pose)).x
-
-
 def _with_unconfirmed(
     rest: Refined, kept: list[int], given: Cameras, unconfirmed: dict[int, str]
 ) -> Refined:
@@ -308,9 +273,16 @@ def _with_unconfirmed(
     return Refined(tuple(cameras), thrown_out, tied, error, motion, rest.quality)
 
 
-def _at_full_size(ties: Ties, to_full: float, source: Camera) -> Ties:
-    focal = np.full(len(ties), source.intrinsics.fx)
-    return replace(ties, to_px=ties.to_px * to_full, focal_in_source=focal)
+def _at_full_size(ties: Ties, to: tuple[Camera, Camera], source: tuple[Camera, Camera]) -> Ties:
+    """The ties in pixels of the full-size photos; to, source: (full size, reduced)."""
+    return replace(
+        ties, to_px=ties.to_px * _enlarged(*to), source_px=ties.source_px * _enlarged(*source)
+    )
+
+
+def _enlarged(full: Camera, reduced: Camera) -> Doubles:
+    """(2,) full-size pixels per reduced one, across and down: sizes are whole pixels."""
+    return np.array([full.width / reduced.width, full.height / reduced.height])
 
 
 def _spread_px(camera: Camera, points: Doubles, covariance: Doubles) -> float:

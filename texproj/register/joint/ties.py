@@ -167,7 +167,7 @@ def _ties(i: int, j: int, views: Lookup, at: tuple[Index, Index], found_px: Doub
     ray = (point - other.camera.center) / np.linalg.norm(in_other, axis=1, keepdims=True)
     slant = np.abs((normal * ray).sum(1))
     n = len(x)
-    focal = np.full(n, other.camera.intrinsics.fx)
     ideal = in_other[:, :2] / in_other[:, 2:]
-    ties = Ties(np.full(n, i), np.full(n, j), found_px, ideal, focal, point, normal)
+    source_px = other.camera.project(point)[0]
+    ties = Ties(np.full(n, i), np.full(n, j), found_px, source_px, ideal, point, normal)
     return ties.at(slant > LEAST_SLANT)

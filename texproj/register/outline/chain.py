@@ -65,7 +65,7 @@ def register_from_outline(
         quality["rival_percent"] = round(100 * rival, 1)
         reason = (
             f"another view of the object with this outline fits {rival:.0%} as well "
-            "(give a rough camera, or pick 4 points)"
+            "(give a rough camera, or pick 8 points)"
         )
         fit = replace(fit, accepted=False, reason=reason)
     return replace(fit, quality=quality)

@@ -41,7 +41,7 @@ def object_mask(photo: Photo, rough: Mask | None = None) -> Mask:
     if found is None or not SHARE[0] < found.mean() < SHARE[1]:
         raise RegistrationError(
             f"{photo.info.name}: the object cannot be told from what is around it "
-            "(give a mask of it, or pick 4 points)"
+            "(give a mask of it, or pick 8 points)"
         )
     size = (photo.width, photo.height)
     return cv2.resize(found.astype(np.float32), size, interpolation=cv2.INTER_LINEAR) > 0.5

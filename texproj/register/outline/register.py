@@ -83,7 +83,7 @@ def hypotheses(
     if not fine:
         raise RegistrationError(
             f"{photo.info.name}: no view of the mesh has the object's outline "
-            "(is the mask right? else pick 4 points)"
+            "(is the mask right? else pick 8 points)"
         )
     return _distinct(sorted(fine, key=lambda h: h.xor), mesh, HYPOTHESES)
 

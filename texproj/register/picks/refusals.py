@@ -38,8 +38,8 @@ def refuse_unusable(info: PhotoInfo, picks: Correspondences) -> None:
     n = len(picks)
     if n < 4:
         raise RegistrationError(
-            f"{info.name}: {n} pick{'s' * (n != 1)}; at least 4 are needed, 6 or more, well spread "
-            f"over the photo and in depth, are better"
+            f"{info.name}: {n} pick{'s' * (n != 1)}; pick 8 points, well spread over the photo and "
+            f"in depth (4 can do where the lens is calibrated)"
         )
     every = np.concatenate([picks.xy_px, picks.xyz_in_world], axis=1)
     finite: NDArray[np.bool_] = np.isfinite(every).all(axis=1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -49,7 +50,29 @@ def register_points(
 
     Raises RegistrationError with one sentence that says which points to add.
     """
-    check.refuse_unusable(info, picks)
+    fit, refusal = examine_points(info, picks, prior, options, start, surface)
+    if refusal is not None:
+        raise refusal
+    assert fit is not None
+    return fit
+
+
+def examine_points(
+    info: PhotoInfo,
+    picks: Correspondences,
+    prior: Intrinsics | None = None,
+    options: PointsOptions = DEFAULTS,
+    start: Pose | None = None,
+    surface: Doubles | None = None,
+) -> tuple[Fit | None, RegistrationError | None]:
+    """What `register_points` finds, and why it refuses it if it does. What is refused is the camera
+    that comes nearest, to show how far off each pick is: not accepted, its error unknown; None
+    where no camera comes near.
+    """
+    try:
+        check.refuse_unusable(info, picks)
+    except RegistrationError as error:
+        return None, error
     search = Search(info, picks, options, start)
     lens = lens_guess(info, prior, options)
     candidates = search.candidates(lens)
@@ -57,8 +80,12 @@ def register_points(
     if lens.checked:
         candidates, rival = _overruled(search, lens, candidates)
     if not candidates:
-        raise RegistrationError(check.nothing_fits(info, picks))
-    return _judged(search, lens, candidates, rival, surface)
+        return None, RegistrationError(check.nothing_fits(info, picks))
+    try:
+        return _judged(search, lens, candidates, rival, surface), None
+    except RegistrationError as error:
+        nearest = _fit(picks, candidates[0], float("inf"), "")
+        return replace(nearest, accepted=False, reason=str(error)), error
 
 
 def _overruled(

@@ -8,7 +8,7 @@ which only one place of a curved surface lets them do. Method: ours, by the join
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy as np
 from texproj.arrays import Bools, Doubles
 from texproj.camera import Camera
 from texproj.options import RefineOptions
+from texproj.register.joint.lenses import PhotoStart
 from texproj.register.joint.refine import Refined, refine
 from texproj.register.joint.session import LoadPhoto, anchor_points
 from texproj.register.proof.camps import Ruling
@@ -48,31 +49,27 @@ class Together:
 
 
 def brought_together(
-    cameras: Sequence[Camera],
-    fixed: Sequence[bool],
-    lenses: Sequence[Hashable],
-    load_photo: LoadPhoto,
-    render: Render,
-    options: RefineOptions,
+    photos: Sequence[PhotoStart], load_photo: LoadPhoto, render: Render, options: RefineOptions
 ) -> Together:
-    """Cameras (full size) that agree on the surface, from rough ones.
-
-    fixed: those that are right already; the rest as for `refine`.
+    """Cameras that agree on the surface, from rough ones; those that are fixed are right already.
+    What is said of the others' errors beforehand does not count. The rest as for `refine`.
     """
+    cameras = [photo.camera for photo in photos]
     points = anchor_points(cameras, render)
     side = np.array([max(camera.width, camera.height) for camera in cameras])
-    sigma = FIRST_PERCENT / 100 * side
-    free = ~np.array(fixed, bool)
-    now, error, moved = tuple(cameras), np.full(len(cameras), np.nan), FIRST_PERCENT
+    free = np.array([not photo.fixed for photo in photos])
+    now, error, percent = tuple(cameras), np.full(len(cameras), np.nan), FIRST_PERCENT
     for size in SIZES_PX:
         coarse = replace(options, working_px=size, partners=min(PARTNERS, options.partners))
-        found = refine(now, list(sigma), fixed, lenses, load_photo, render, coarse)
+        starts = [
+            replace(photo, camera=now[k], sigma_px=percent / 100 * side[k])
+            for k, photo in enumerate(photos)
+        ]
+        found = refine(starts, load_photo, render, coarse)
         now, error = found.cameras, _errors(found)
-        shift = _motion_px(cameras, now, points)
-        moved = _typical_percent(shift, side, free)
-        sigma = np.full(len(side), max(moved, LEAST_PERCENT) / 100) * side
+        percent = _typical_percent(_motion_px(cameras, now, points), side, free)
     told = judge(now, load_photo, render, [int(k) for k in np.flatnonzero(free)])
-    return Together(now, error, moved / 100 * float(side.mean()), told)
+    return Together(now, error, percent / 100 * float(side.mean()), told)
 
 
 def _errors(found: Refined) -> Doubles:
@@ -96,4 +93,6 @@ def _typical_percent(shift_px: Doubles, side: Doubles, free: Bools) -> float:
     """Root mean square of the motion, percent of the longer side."""
     percent = 100 * shift_px[free] / side[free]
     percent = percent[np.isfinite(percent)]
-    return float(np.sqrt((percent**2).mean())) if len(percent) else FIRST_PERCENT
+    if not len(percent):
+        return FIRST_PERCENT
+    return max(float(np.sqrt((percent**2).mean())), LEAST_PERCENT)

@@ -82,7 +82,7 @@ def register_structure(
     if fit is None:
         raise RegistrationError(
             f"{photo.info.name}: nothing in the photo looks like the mesh around the start camera "
-            "(give a closer start, or pick 4 points)"
+            "(give a closer start, or pick 8 points)"
         )
     return fit
 
@@ -193,4 +193,4 @@ def _too_uncertain(expected_px: float, camera: Camera, options: StructureOptions
     percent = 100 * expected_px / max(camera.width, camera.height)
     if percent <= options.max_error_percent:
         return ""
-    return f"expected error {percent:.2f} % of the photo's longer side (pick 4 points)"
+    return f"expected error {percent:.2f} % of the photo's longer side (pick 8 points)"

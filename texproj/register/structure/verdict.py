@@ -146,21 +146,21 @@ def _detail(view: StructureView, camera: Camera) -> float:
 def _refusal(verdict: Verdict, zoom_sigmas: float) -> str:
     """Why the camera is not to be believed; empty if it is."""
     if verdict.patches < LEAST_MATCHES:
-        return "too little of the mesh is in view to tell (give a closer start, or pick 4 points)"
+        return "too little of the mesh is in view to tell (give a closer start, or pick 8 points)"
     if verdict.agreement < MIN_AGREEMENT and verdict.support < MIN_SUPPORT:
         return (
             f"only {verdict.support:.0%} of the mesh's structure is found where this camera "
-            "puts it (pick 4 points, or give a closer start)"
+            "puts it (pick 8 points, or give a closer start)"
         )
     if verdict.coverage < MIN_COVERAGE:
         return (
             f"only {verdict.coverage:.0%} of the picture agrees with the mesh "
-            "(pick 4 points spread over the picture)"
+            "(pick 8 points spread over the picture)"
         )
     if verdict.moved > FAR and verdict.support < FAR_SUPPORT:
         return (
             f"it lies {verdict.moved:.0%} of the picture's width from the start, and the object "
-            "may look alike elsewhere (pick 4 points, or start closer)"
+            "may look alike elsewhere (pick 8 points, or start closer)"
         )
     if zoom_sigmas > MOST_SIGMAS:
         return "the focal length would be far from the start's (pick 6 points, or correct it)"

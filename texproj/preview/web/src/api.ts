@@ -58,11 +58,15 @@ export interface Fit {
   camera: Camera;
   expected_error_px: number | null;
   accepted: boolean;
+  /** Not accepted, but good enough to say where other points lie. */
+  rough: boolean;
   reason: string;
   names: string[];
   projected: [number | null, number | null][];
   residual_px: (number | null)[];
   inliers: boolean[];
+  /** Whether each pick was part of it. */
+  used: boolean[];
 }
 
 export interface Hit {
@@ -75,6 +79,12 @@ export interface Hit {
 export interface Prediction extends Hit {
   uv: Vec2;
   score: number;
+}
+
+/** A point picked in another photo, where it should lie in this one. */
+export interface Proposal extends Prediction {
+  photo: string;
+  name: string;
 }
 
 export interface Pack {
@@ -138,8 +148,12 @@ export const cancelJob = (id: number) => request(`/api/jobs/${id}`, { method: "D
 
 export const picks = (photo: string) => json<SavedPicks>(demand(photoPath(photo, "picks")));
 
-export const fit = (photo: string, list: SavedPick[]) =>
-  json<Fit>(demand(photoPath(photo, "fit"), sending("POST", { picks: list })));
+export const fit = (photo: string, list: SavedPick[], without: string[]) =>
+  json<Fit>(demand(photoPath(photo, "fit"), sending("POST", { picks: list, without })));
+
+/** error_px: how far off the camera may put a point, one standard deviation. */
+export const proposals = (photo: string, camera: Camera, error_px: number, list: SavedPick[]) =>
+  json<Proposal[]>(demand(photoPath(photo, "proposals"), sending("POST", { camera, error_px, picks: list })));
 
 export const predict = (photo: string, camera: Camera, given: { uv: Vec2 } | { xyz: Vec3 }) =>
   json<Prediction | null>(demand(photoPath(photo, "predict"), sending("POST", { camera, ...given })));

@@ -3,10 +3,10 @@
 import * as THREE from "three";
 import * as api from "./api.ts";
 import { byId } from "./dom.ts";
+import { Home } from "./home.ts";
 import type { Host } from "./host.ts";
 import { LayerLoader, showLegend } from "./layers.ts";
 import type { Vec2 } from "./lens.ts";
-import { center } from "./lens.ts";
 import { lockButtons, notice, runningJob, showJob } from "./notice.ts";
 import { loadTexture } from "./overlay.ts";
 import type { Look } from "./panel.ts";
@@ -17,8 +17,6 @@ import { PickMode } from "./pickmode.ts";
 import { pickPanel } from "./pickpanel.ts";
 import { showStart } from "./startcard.ts";
 import type { Layer } from "./surface.ts";
-import type { Axis } from "./upright.ts";
-import { axisOf, guessedUp, vectorOf } from "./upright.ts";
 import { Viewport } from "./viewport.ts";
 
 export class App implements Host {
@@ -28,38 +26,42 @@ export class App implements Host {
   look: Look = {
     layer: "shaded", factor: "weights", exposure: 0, roughness: 0.55, light: [-0.35, 0.45], frustums: true, opacity: 1, wipe: 1,
   };
+  readonly home = new Home(this.viewport);
   readonly picking = new PickMode(this);
   readonly hands = new PickHands(this.picking);
   private readonly loader = new LayerLoader(this.viewport.surface);
   private meshKey = "";
-  private refreshing = false;
+  private refreshing: Promise<void> | null = null;
   private again = false;
   private overlayPhoto = "";
   /** The layer that was asked for last; one that arrives late and is another is not shown. */
   private wanted: Layer = "shaded";
   private startCard = true;
 
-  /** Load everything anew; whatever did not change stays as it is. */
-  async refresh(): Promise<void> {
-    if (this.refreshing) {
-      this.again = true;
-      return;
-    }
-    this.refreshing = true;
+  /** Load everything anew; whatever did not change stays as it is. Ends when all that was known
+   * when it was asked for is loaded. */
+  refresh(): Promise<void> {
+    this.again = true;
+    return (this.refreshing ??= this.loadAll().finally(() => (this.refreshing = null)));
+  }
+
+  private async loadAll(): Promise<void> {
     try {
-      do {
+      while (this.again) {
         this.again = false;
         await this.load();
-      } while (this.again);
+      }
     } catch (error) {
       this.complain(error);
-    } finally {
-      this.refreshing = false;
     }
   }
 
   get photo(): api.PhotoFacts | null {
     return this.facts?.photos.find((photo) => photo.name === this.chosen) ?? null;
+  }
+
+  get unregistered(): number {
+    return (this.facts?.photos ?? []).filter(({ status }) => status !== "registered" && status !== "broken").length;
   }
 
   get mode(): string {
@@ -132,7 +134,7 @@ export class App implements Host {
 
   /** What a job has to say about its result. */
   told(job: api.Job): void {
-    if (!job.message) return;
+    if (!job.message || (job.kind === "solve" && this.mode === "pick")) return; // the panel tells it
     const all = this.facts?.photos.every((photo) => photo.status === "registered");
     notice(job.message, all ? "good" : "warn");
   }
@@ -233,10 +235,13 @@ export class App implements Host {
     const parts =
       this.mode === "pick"
         ? pickPanel(this.picking)
-        : viewPanel(this.look, this.wanted, this.up, this.available(), this.photo, this.viewport.photoCamera !== null, {
+        : viewPanel(this.look, this.wanted, this.home.up, this.available(), this.photo, this.viewport.photoCamera !== null, {
             change: (part) => this.change(part),
             exitPhoto: () => this.exitPhoto(),
-            setUp: (axis) => this.setUp(axis),
+            setUp: (axis) => {
+              this.home.setUp(axis);
+              this.show();
+            },
             roll: (degrees) => this.viewport.roll((degrees * Math.PI) / 180),
             pick: (photo) => void this.pick(photo),
           });
@@ -249,6 +254,7 @@ export class App implements Host {
     surface.setRoughness(this.look.roughness);
     surface.setLightDirection(...this.look.light);
     overlay.setLook(this.look.opacity, this.look.wipe, this.look.exposure);
+    exposePictures(this.look.exposure);
     frustums.group.visible = this.look.frustums && !this.viewport.photoCamera && this.mode === "view";
     const wipe = byId("wipe");
     wipe.style.left = `clamp(14px, ${this.look.wipe * 100}%, calc(100% - 14px))`;
@@ -263,7 +269,7 @@ export class App implements Host {
     if (this.facts.mesh.key !== this.meshKey) await this.loadMesh();
     const { surface, frustums } = this.viewport;
     frustums.set(this.facts.photos, surface.center, surface.radius, () => this.viewport.invalidate());
-    if (first) this.goHome();
+    if (first) this.home.go(this.facts, this.viewable);
     if (first) this.viewport.onFirstFrame(() => (document.body.dataset.picture = "true"));
     await this.setLayer(first ? this.bestLayer() : this.wanted);
     this.followCamera();
@@ -284,7 +290,8 @@ export class App implements Host {
     const { name, photos, mesh } = this.facts!;
     if (!document.title.includes(name)) document.title = `${name} \u2013 texproj`;
     byId("project-name").textContent = name;
-    byId("project-facts").textContent = `${photos.length} photos, ${mesh.file}`;
+    const { faces } = this.viewport.surface;
+    byId("project-facts").textContent = `${photos.length} photos, ${faces ? `${faces.toLocaleString("en")} faces` : mesh.file}`;
   }
 
   private async loadMesh(): Promise<void> {
@@ -292,8 +299,7 @@ export class App implements Host {
     this.viewport.surface.setFull(pack!);
     this.loader.forget();
     this.meshKey = this.facts!.mesh.key;
-    const faces = this.viewport.surface.faces.toLocaleString("en");
-    byId("project-facts").textContent = `${this.facts!.photos.length} photos, ${faces} faces`;
+    this.title();
     void this.loadLight();
   }
 
@@ -304,46 +310,6 @@ export class App implements Host {
     if (!pack) return;
     this.viewport.surface.setLight(pack);
     if (this.look.layer === "texture") await this.loader.loadLightColors();
-  }
-
-  /** Look from where the photos were taken, with their upper side up; else at the front. */
-  private goHome(): void {
-    const { center: middle, radius, front } = this.viewport.surface;
-    const cameras = this.viewable.map((photo) => photo.camera!);
-    const eyes = cameras.map((camera) => new THREE.Vector3(...center(camera)).sub(middle));
-    const up = this.homeUp(cameras);
-    const reach = Math.max(radius, ...eyes.map((eye) => eye.length()));
-    this.viewport.setUp(up, reach);
-    const best = mostCentral(eyes);
-    if (best >= 0) this.viewport.lookAlong(eyes[best], new THREE.Vector3(...cameras[best].R[2]));
-    else if (front) this.viewport.lookFrom(new THREE.Vector3(...front).addScaledVector(up, 0.15));
-    else this.viewport.lookFrom(new THREE.Vector3(1, -1, 0.6).applyQuaternion(fromZ(up)));
-  }
-
-  /** Up as a person chose it, else as the photos were held, else as the surface stands. */
-  private homeUp(cameras: api.PhotoFacts["camera"][]): THREE.Vector3 {
-    const chosen = localStorage.getItem(this.upKey) as Axis | null;
-    if (chosen) return new THREE.Vector3(...vectorOf(chosen));
-    const up = new THREE.Vector3();
-    for (const camera of cameras) up.sub(new THREE.Vector3(...camera!.R[1]));
-    if (up.length() > 0.1) return up.normalize();
-    return new THREE.Vector3(...vectorOf(guessedUp(this.viewport.surface.front)));
-  }
-
-  private get upKey(): string {
-    return `up of ${this.facts!.name} ${this.facts!.mesh.key}`;
-  }
-
-  /** Stand the model on another side, now and whenever this browser shows it. */
-  setUp(axis: Axis): void {
-    localStorage.setItem(this.upKey, axis);
-    this.viewport.turnUp(new THREE.Vector3(...vectorOf(axis)));
-    this.show();
-  }
-
-  /** The axis that is up now. */
-  get up(): Axis {
-    return axisOf(this.viewport.camera.up.toArray() as [number, number, number]);
   }
 
   /** After a new registration of the photo on view, look through its new camera. */
@@ -374,14 +340,8 @@ export class App implements Host {
   }
 }
 
-/** The index of the eye nearest to the middle of all; -1 for none. */
-function mostCentral(eyes: THREE.Vector3[]): number {
-  const mean = new THREE.Vector3();
-  for (const eye of eyes) mean.addScaledVector(eye, 1 / eyes.length);
-  const distances = eyes.map((eye) => eye.distanceTo(mean));
-  return distances.indexOf(Math.min(...distances));
-}
-
-function fromZ(up: THREE.Vector3): THREE.Quaternion {
-  return new THREE.Quaternion().setFromUnitVectors(new THREE.Vector3(0, 0, 1), up);
+/** Photos outside of the 3D view are shown with the same exposure, on linear light. */
+function exposePictures(stops: number): void {
+  document.body.dataset.exposed = String(stops !== 0);
+  for (const channel of document.querySelectorAll("#exposed [type=linear]")) channel.setAttribute("slope", String(2 ** stops));
 }

@@ -61,6 +61,12 @@ export function slider(
   return el("label", { class: "slider" }, el("span", {}, name), output, input);
 }
 
+/** Brightness of photos and colors, in stops. */
+export function exposureSlider(value: number, act: (stops: number) => void): HTMLLabelElement {
+  const say = (ev: number) => `${ev > 0 ? "+" : ""}${ev.toFixed(1)} EV`;
+  return slider("Exposure", { min: -4, max: 4, step: 0.1, value }, say, act);
+}
+
 export function check(name: string, on: boolean, act: (on: boolean) => void): HTMLLabelElement {
   const input = el("input", { type: "checkbox", onchange: () => act(input.checked) });
   input.checked = on;

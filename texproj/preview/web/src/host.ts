@@ -16,6 +16,10 @@ export interface Host {
   /** Draw lists and panels anew. */
   show(): void;
   refresh(): Promise<void>;
+  /** Photos that can be read and have no camera yet. */
+  readonly unregistered: number;
+  /** Start work on the whole project. */
+  start(kind: string): Promise<void>;
   /** Say what the server refused. */
   complain(error: unknown): void;
   /** The model point under a point of the canvas. */

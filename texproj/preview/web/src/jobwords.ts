@@ -12,6 +12,7 @@ const STAGES: Record<string, string> = {
   block: "placing all photos on the model",
   register: "finding the cameras",
   refine: "refining all cameras together",
+  occluders: "looking for what stands in front",
   color: "coloring the model",
   report: "writing the report",
 };

@@ -14,6 +14,8 @@ export interface Mark {
   amount?: string;
   outlier: boolean;
   selected: boolean;
+  /** Left out of the fit. */
+  unused: boolean;
   /** On the far side of the model. */
   away: boolean;
   /** A prediction that nobody accepted yet. */
@@ -32,12 +34,12 @@ export function drawMarks(layer: Element, marks: Mark[], cursor: Vec2 | null): v
 function markOf(mark: Mark): SVGElement {
   const [x, y] = mark.at;
   const names = Object.entries({
-    outlier: mark.outlier, selected: mark.selected, away: mark.away, guess: mark.guess, open: !isPair(mark.pick),
+    outlier: mark.outlier, unused: mark.unused, selected: mark.selected, away: mark.away, guess: mark.guess, open: !isPair(mark.pick),
   });
   const group = svg("g", { class: ["mark", ...names.filter(([, on]) => on).map(([name]) => name)].join(" "), "data-pick": mark.pick.name });
   if (mark.tip) {
     const ends = { x1: x, y1: y, x2: mark.tip[0], y2: mark.tip[1] };
-    group.append(svg("line", { class: "residual-halo", ...ends }), svg("line", { class: "residual", ...ends }));
+    group.append(svg("line", { class: "residual-halo", ...ends }), svg("line", { class: "residual", "marker-end": mark.outlier ? "url(#arrow-bad)" : "url(#arrow)", ...ends }));
   }
   group.append(
     svg("circle", { class: "halo", cx: x, cy: y, r: RADIUS }),

@@ -1,7 +1,7 @@
 // The right-hand panel of the result view: layers, light, exposure, photo over model.
 
 import type { PhotoFacts } from "./api.ts";
-import { check, el, section, slider } from "./dom.ts";
+import { check, el, exposureSlider, section, slider } from "./dom.ts";
 import type { Layer } from "./surface.ts";
 import type { Axis } from "./upright.ts";
 import { AXES } from "./upright.ts";
@@ -94,10 +94,9 @@ function factorChoice(look: Look, act: PanelActions): HTMLElement {
 }
 
 function toneSection(look: Look, act: PanelActions): HTMLElement {
-  const say = (ev: number) => `${ev > 0 ? "+" : ""}${ev.toFixed(1)} EV`;
   return section(
     "Picture",
-    slider("Exposure", { min: -4, max: 4, step: 0.1, value: look.exposure }, say, (exposure) => act.change({ exposure })),
+    exposureSlider(look.exposure, (exposure) => act.change({ exposure })),
     check("Cameras", look.frustums, (frustums) => act.change({ frustums })),
   );
 }

@@ -119,11 +119,17 @@ const METHODS: Record<string, string> = {
   silhouette: "from the silhouette",
   features: "from features",
   "mutual-information": "from mutual information",
+  block: "with all other photos",
 };
+
+/** How a photo's camera was found. */
+export function methodWords(photo: PhotoFacts): string {
+  return photo.method ? (METHODS[photo.method] ?? photo.method) : "";
+}
 
 function factsOf(photo: PhotoFacts): string {
   const parts = [];
-  if (photo.method) parts.push(METHODS[photo.method] ?? photo.method);
+  if (photo.method) parts.push(methodWords(photo));
   if (photo.picks) parts.push(`${photo.picks} picks`);
   if (!parts.length && photo.width) parts.push(`${photo.width} \u00d7 ${photo.height}`);
   return parts.join(" \u00b7 ");

@@ -5,7 +5,8 @@ import type { Vec2 } from "./lens.ts";
 import { notice } from "./notice.ts";
 import { showHelp } from "./help.ts";
 import { at as placeOf, onClick, onPanZoom } from "./pointer.ts";
-import type { PickMode, Side } from "./pickmode.ts";
+import type { PickMode } from "./pickmode.ts";
+import type { Side } from "./pickmarks.ts";
 
 const LOUPE_ZOOM = 4;
 const LOUPE_PAUSE_MS = 50;
@@ -86,7 +87,7 @@ export class PickHands {
     this.mode.cursors = { photo: null, model: null };
     (event.currentTarget as HTMLElement).focus({ preventScroll: true });
     const at = placeOf(event, canvas);
-    const mark = event.button === 0 ? this.mode.markUnder(side, at) : null;
+    const mark = event.button === 0 ? this.mode.marks.under(side, at) : null;
     if (!mark) return;
     event.stopPropagation();
     event.preventDefault();
@@ -186,6 +187,7 @@ export class PickHands {
 
   private async enter(): Promise<void> {
     if (this.mode.acceptGuess()) return;
+    if (!this.mode.cursors[this.side] && this.mode.acceptProposal()) return;
     if (!this.mode.cursors[this.side]) this.moveCursor(0, 0);
     else await this.placeAt(this.side, this.cursor());
   }
@@ -234,6 +236,7 @@ export class PickHands {
     const below = at[1] < 230;
     canvas.style.left = `${Math.min(Math.max(pane.offsetLeft + at[0] - 88, 4), byId("work").clientWidth - 184)}px`;
     canvas.style.top = `${pane.offsetTop + at[1] + (below ? 36 : -212)}px`;
+    canvas.dataset.side = side;
     canvas.hidden = false;
   }
 }

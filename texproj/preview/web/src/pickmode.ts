@@ -3,31 +3,33 @@
 import * as api from "./api.ts";
 import { byId } from "./dom.ts";
 import type { Host } from "./host.ts";
-import type { Camera, Vec2, Vec3 } from "./lens.ts";
+import type { Camera, Vec2 } from "./lens.ts";
 import { project } from "./lens.ts";
-import type { Mark } from "./marks.ts";
-import { drawMarks, magnification, markUnder } from "./marks.ts";
+import { drawMarks } from "./marks.ts";
 import { PhotoPane } from "./photopane.ts";
+import { PickFit } from "./pickfit.ts";
+import type { Side } from "./pickmarks.ts";
+import { PickMarks } from "./pickmarks.ts";
 import type { Pick, Picks } from "./picks.ts";
 import { pixelOfWindow, windowAt } from "./view.ts";
 import { freeName, fromSaved, History, isPair, merged, pairs, put, same, without } from "./picks.ts";
 
-export type Side = "photo" | "model";
-
-const FIT_FROM = 4;
 /** Screen pixels per photo pixel at which a residual of one pixel can be judged. */
 const CLOSE_SCALE = 1.5;
-const FIT_PAUSE_MS = 120;
 
 export class PickMode {
   readonly pane = new PhotoPane();
   readonly history = new History();
+  readonly marks = new PickMarks(this);
   photo: api.PhotoFacts | null = null;
   selected: string | null = null;
-  fit: api.Fit | null = null;
-  fitProblem = "";
-  /** Whether the fit is older than the picks. */
-  fitting = false;
+  readonly live = new PickFit(() => this.redrawAll());
+  /** The number of the proposed point that Enter takes. */
+  proposed = 0;
+  /** Whether the camera was sought from the picks since the photo was entered. */
+  solved = false;
+  /** Whether a pick was set, moved or deleted since the photo was entered or solved. */
+  edited = false;
   /** The other half of the selected pick, as predicted. */
   guess: api.Prediction | null = null;
   linked = true;
@@ -41,13 +43,11 @@ export class PickMode {
   private base: Picks = [];
   private version = "";
   private busy = false;
-  private fitTimer = 0;
-  private fitNumber = 0;
 
   constructor(readonly app: Host) {
-    this.pane.onDraw = () => this.drawPhotoMarks();
+    this.pane.onDraw = () => this.marks.drawPhoto();
     this.pane.onMove = () => this.linkModel();
-    app.viewport.onFrame = () => this.drawModelMarks();
+    app.viewport.onFrame = () => this.marks.drawModel();
     app.viewport.onResize = () => this.linkModel();
     app.viewport.onWindow = () => this.linkPhoto();
   }
@@ -64,14 +64,31 @@ export class PickMode {
     return this.picks.find((pick) => pick.name === this.selected) ?? null;
   }
 
+  /** The fit of the picks as they are, or as they were a moment ago. */
+  get fit(): api.Fit | null {
+    return this.live.found;
+  }
+
+  get fitting(): boolean {
+    return this.live.busy;
+  }
+
   /** The camera that predictions use: of the present picks, else of the last registration. */
   get camera(): Camera | null {
-    return this.fit?.camera ?? this.photo?.camera ?? null;
+    return this.live.camera ?? this.photo?.camera ?? null;
+  }
+
+  /** The point of another photo that Enter takes; none while a pick waits for its other half. */
+  get proposal(): api.Proposal | null {
+    const open = this.selectedPick && !isPair(this.selectedPick);
+    const all = this.live.proposals;
+    return open || !all.length ? null : all[this.proposed % all.length];
   }
 
   async enter(photo: api.PhotoFacts): Promise<void> {
     await this.save();
-    Object.assign(this, { photo, selected: null, fit: null, fitProblem: "", guess: null, before: null, showBefore: false });
+    Object.assign(this, { photo, selected: null, guess: null, before: null, showBefore: false, edited: false, solved: false, proposed: 0 });
+    this.live.reset();
     byId("photo-pane").hidden = false;
     this.history.reset([]);
     void this.pane.load(photo.name, photo.width!, photo.height!);
@@ -98,7 +115,7 @@ export class PickMode {
 
   /** See the model through the photo's camera, or freely. */
   lookThrough(on: boolean): void {
-    const camera = this.showBefore ? this.before : (this.photo?.camera ?? this.fit?.camera);
+    const camera = this.showBefore ? this.before : (this.photo?.camera ?? this.live.camera);
     if (on && camera) {
       this.app.viewport.enterPhoto(camera);
       void this.app.loadOverlay(this.photo!.name);
@@ -149,6 +166,33 @@ export class PickMode {
     return true;
   }
 
+  /** Set the proposed point as a pick. */
+  acceptProposal(proposal = this.proposal): boolean {
+    if (!proposal) return false;
+    const known = this.picks.some((pick) => pick.name === proposal.name);
+    const name = known ? freeName(this.picks) : proposal.name;
+    const { uv, xyz, normal } = proposal;
+    this.live.proposals = this.live.proposals.filter((other) => other !== proposal);
+    this.edit([...this.picks, { name, uv, xyz, normal }]);
+    return true;
+  }
+
+  /** See where a proposed point should lie; Enter then takes it. */
+  showProposal(proposal: api.Proposal): void {
+    this.proposed = this.live.proposals.indexOf(proposal);
+    this.select(null);
+    this.pane.show(proposal.uv, CLOSE_SCALE);
+    if (!(this.app.viewport.photoCamera && this.linked)) this.app.viewport.showPoint(proposal.xyz);
+  }
+
+  /** Count a pick in the fit, or see the fit without it; Solve judges all picks by itself. */
+  use(name: string, on: boolean): void {
+    if (on) this.live.off.delete(name);
+    else this.live.off.add(name);
+    this.refit();
+    this.redrawAll();
+  }
+
   remove(name: string): void {
     this.edit(without(this.picks, name));
     if (this.selected === name) this.select(null);
@@ -172,6 +216,11 @@ export class PickMode {
   }
 
   step(direction: 1 | -1): void {
+    if (!this.selected && this.live.proposals.length) {
+      this.proposed = (this.proposed + direction + this.live.proposals.length) % this.live.proposals.length;
+      this.redrawAll();
+      return;
+    }
     const names = this.picks.map((pick) => pick.name);
     if (!names.length) return;
     const index = this.selected ? names.indexOf(this.selected) : direction > 0 ? -1 : 0;
@@ -213,72 +262,24 @@ export class PickMode {
     await this.reload();
   }
 
-  marks(side: Side): Mark[] {
-    const factor = magnification(this.fit, this.pane.scale);
-    const made = this.picks.map((pick) => this.markOf(pick, side, factor));
-    return [...made, this.guessMark(side)].filter((mark) => mark !== null);
-  }
-
-  markUnder(side: Side, at: Vec2): Mark | null {
-    return markUnder(this.marks(side), at);
-  }
-
   redraw(): void {
-    this.drawPhotoMarks();
-    this.drawModelMarks();
+    this.marks.drawPhoto();
+    this.marks.drawModel();
+  }
+
+  private redrawAll(): void {
+    this.redraw();
+    if (this.active) this.app.show();
   }
 
   private afterSolve(): void {
     if (!this.photo) return;
     this.photo = this.app.photo ?? this.photo;
+    this.solved = true;
+    this.edited = false;
     if (this.photo.camera) this.lookThrough(true);
     this.refit();
-  }
-
-  private markOf(pick: Pick, side: Side, factor: number): Mark | null {
-    const at = this.screenOf(side, pick.uv, pick.xyz);
-    if (!at) return null;
-    const index = this.fit && isPair(pick) ? this.fit.names.indexOf(pick.name) : -1;
-    const residual = index >= 0 ? this.fit!.residual_px[index] : null;
-    const outlier = index >= 0 && !this.fit!.inliers[index];
-    return {
-      pick, at, outlier, guess: false,
-      selected: pick.name === this.selected,
-      away: side === "model" && !!pick.normal && !this.app.viewport.facing(pick.xyz!, pick.normal),
-      tip: side === "photo" && index >= 0 ? this.tip(pick.uv!, index, factor) : undefined,
-      amount: residual !== null && (outlier || pick.name === this.selected) ? `${residual.toFixed(1)} px` : undefined,
-    };
-  }
-
-  private guessMark(side: Side): Mark | null {
-    const pick = this.selectedPick;
-    if (!this.guess || !pick || (side === "photo" ? pick.uv : pick.xyz)) return null;
-    const at = this.screenOf(side, this.guess.uv, this.guess.xyz);
-    return at && { pick, at, outlier: false, selected: true, away: false, guess: true };
-  }
-
-  private screenOf(side: Side, uv: Vec2 | null, xyz: Vec3 | null): Vec2 | null {
-    if (side === "photo") return uv && this.pane.toScreen(uv);
-    return xyz && this.app.viewport.toScreen(xyz);
-  }
-
-  private tip(uv: Vec2, index: number, factor: number): Vec2 | undefined {
-    const [u, v] = this.fit!.projected[index];
-    if (u === null || v === null) return undefined;
-    const grown = this.fit!.inliers[index] ? factor : 1;
-    return this.pane.toScreen([uv[0] + (u - uv[0]) * grown, uv[1] + (v - uv[1]) * grown]);
-  }
-
-  private drawPhotoMarks(): void {
-    if (!this.active || !this.photo) return;
-    const factor = magnification(this.fit, this.pane.scale);
-    const enlarged = this.fit && factor > 1 ? ` \u00b7 residuals drawn ${factor} \u00d7` : "";
-    byId("photo-title").textContent = this.photo.name + enlarged;
-    drawMarks(byId("photo-marks"), this.marks("photo"), this.cursors.photo);
-  }
-
-  private drawModelMarks(): void {
-    if (this.active) drawMarks(byId("model-marks"), this.marks("model"), this.cursors.model);
+    this.app.show();
   }
 
   private edit(picks: Picks): void {
@@ -289,6 +290,7 @@ export class PickMode {
   private afterEdit(): void {
     if (this.selected && !this.selectedPick) this.selected = null;
     this.guess = null;
+    this.edited = true;
     this.saved = "unsaved";
     this.refit();
     this.redraw();
@@ -345,28 +347,7 @@ export class PickMode {
   }
 
   private refit(): void {
-    this.fitting = true;
-    clearTimeout(this.fitTimer);
-    this.fitTimer = window.setTimeout(() => void this.fitNow(), FIT_PAUSE_MS);
-  }
-
-  private async fitNow(): Promise<void> {
-    const [photo, list, number] = [this.photo, pairs(this.picks), ++this.fitNumber];
-    let found: api.Fit | null = null;
-    let problem = "";
-    if (photo && list.length >= FIT_FROM) {
-      try {
-        found = await api.fit(photo.name, list);
-      } catch (error) {
-        problem = error instanceof api.Refusal ? error.message : "The server does not answer.";
-      }
-    }
-    if (number !== this.fitNumber) return;
-    this.fitting = false;
-    this.fit = found;
-    this.fitProblem = problem;
-    this.redraw();
-    if (this.active) this.app.show();
+    if (this.photo) this.live.seek(this.photo.name, pairs(this.picks), this.photo.camera ?? null);
   }
 
   private async predict(pick: Pick): Promise<void> {

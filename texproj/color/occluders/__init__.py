@@ -1,0 +1,1 @@
+"""What stands between a camera and the piece: somebody who walked into the picture, a tree."""

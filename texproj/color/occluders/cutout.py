@@ -1,0 +1,171 @@
+"""The whole of an occluder cut out of its photo, from the part that other photos contradict.
+
+The contradicted part seeds a graph cut on the photo's own colors (Rother, Kolmogorov, Blake,
+"GrabCut", SIGGRAPH 2004), so that the cut ends where the occluder ends and not where the evidence
+does: what no other photo sees is freed of it too. The seeds and the proof are ours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.arrays import Bytes, Floats
+
+Bools = NDArray[np.bool_]
+
+REACH = 0.012
+"""Distance over which points speak for the picture around them, part of its longer side."""
+
+MAJORITY = 0.6
+"""Part of the points around a place that must contradict for it to be a seed."""
+
+JUDGED = 0.25
+"""Density of points, against their mean, from which a place is judged."""
+
+LEAST_POINTS = 30
+"""Contradicting points of the smallest occluder: fewer are noise, a highlight, a window or a part
+of the scan that is off, which blending copes with."""
+
+DEEPEST = 0.012
+"""How thick an occluder is at its thickest, at least, part of the longer side: what is thinner is
+an edge that is off."""
+
+SAME_LIGHT = 0.12
+"""Median deviation of log light, within which a part differs by its light alone."""
+
+TINT = 0.4
+"""Range of log light over the channels between sun and shade: the sky is blue."""
+
+PROOF = 0.75
+"""Part of the judged points inside of a cut that must contradict."""
+
+GROWTH = 4.0
+"""Largest ratio of the cut's area on the mesh to the contradicted area: beyond, it has run out."""
+
+ROUNDS = 3
+MARGIN = 0.005
+"""By which a cut is widened, part of the longer side: the soft edge of what is cut out."""
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """What other photos say of some points in a picture.
+
+    xy_px: (n, 2) from the top-left corner of the picture; against: (n,) bool, the others contradict
+    the picture there, else they confirm it; ratio: (n, 3) log of the picture's light over theirs.
+    """
+
+    xy_px: Floats
+    against: Bools
+    ratio: Floats
+
+    @property
+    def enough(self) -> bool:
+        """Whether there can be an occluder at all."""
+        return int(np.count_nonzero(self.against)) >= LEAST_POINTS
+
+    def pixels(self, shape: tuple[int, ...]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Rows and columns in a picture of (h, w); what is just beyond its edge is on it."""
+        column, row = np.floor(self.xy_px).astype(np.intp).T
+        return row.clip(0, shape[0] - 1), column.clip(0, shape[1] - 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Seeds:
+    """(h, w) bool images. core: contradicted parts of the picture, each large enough; safe: parts
+    that are confirmed.
+    """
+
+    core: Bools
+    safe: Bools
+
+
+def cut_out(picture: Bytes, on_mesh: Bools, told: Told) -> Bools | None:
+    """(h, w) bool: what hides the mesh in the (h, w, 3) sRGB picture; None where nothing does.
+
+    on_mesh: (h, w) where the mesh is, behind whatever hides it.
+    """
+    seeds = seeds_of(on_mesh, told)
+    if not seeds.core.any():
+        return None
+    hidden = np.zeros(on_mesh.shape, bool)
+    count, parts = cv2.connectedComponents(seeds.core.astype(np.uint8), connectivity=8)
+    for number in range(1, count):
+        core = parts == number
+        if not hidden[core].all():
+            hidden |= _grown(picture, on_mesh, told, Seeds(core, seeds.safe))
+    margin_px = round(MARGIN * max(hidden.shape))
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * margin_px + 1,) * 2)
+    return cv2.dilate(hidden.astype(np.uint8), kernel) > 0
+
+
+def seeds_of(on_mesh: Bools, told: Told) -> Seeds:
+    """Parts of the picture where most points contradict, and where most confirm."""
+    longest = max(on_mesh.shape)
+    against, for_ = (_density(on_mesh.shape, told, which, REACH * longest) for which in (1, 0))
+    total = against + for_
+    mean = float(total[on_mesh].mean()) if on_mesh.any() else 0.0
+    judged = on_mesh & (total > JUDGED * max(mean, 1e-9))
+    mostly = against > MAJORITY * total
+    core, parts = np.zeros(on_mesh.shape, bool), (judged & mostly).astype(np.uint8)
+    depth = cv2.distanceTransform(parts, cv2.DIST_L2, 5)
+    count, labels = cv2.connectedComponents(parts, connectivity=8)
+    inside = labels[told.pixels(labels.shape)][told.against]
+    for number in range(1, count):
+        here = labels == number
+        if np.count_nonzero(inside == number) < LEAST_POINTS:
+            continue
+        of_it = told.ratio[told.against][inside == number]
+        if depth[here].max() >= DEEPEST * longest and not only_light(of_it):
+            core |= here
+    return Seeds(core, judged & (against < (1 - MAJORITY) * total))
+
+
+def only_light(ratio: Floats) -> bool:
+    """Whether a part of a picture shows the same surface in another light, a shade or the sun:
+    (n, 3) log ratios that are the same all over it and about the same in all channels. Of two
+    things without any pattern this cannot be told; then it is taken for light.
+    """
+    middle = np.median(ratio, axis=0)
+    spread = np.median(np.abs(ratio - middle), axis=0).max()
+    return bool(spread < SAME_LIGHT and np.ptp(middle) < TINT)
+
+
+def _density(shape: tuple[int, ...], told: Told, which: int, sigma_px: float) -> Floats:
+    """Points per pixel, smoothed by a Gaussian."""
+    image = np.zeros(shape, np.float32)
+    row, column = told.pixels(shape)
+    chosen = told.against == bool(which)
+    np.add.at(image, (row[chosen], column[chosen]), 1)
+    return cv2.GaussianBlur(image, (0, 0), sigma_px)
+
+
+def _grown(picture: Bytes, on_mesh: Bools, told: Told, seeds: Seeds) -> Bools:
+    """The occluder around one contradicted part; that part alone where the cut runs out of it."""
+    labels = np.full(on_mesh.shape, cv2.GC_PR_BGD, np.uint8)
+    labels[seeds.safe] = cv2.GC_BGD
+    labels[seeds.core] = cv2.GC_PR_FGD
+    row, column = told.pixels(labels.shape)
+    row, column = row[told.against], column[told.against]
+    own = seeds.core[row, column]
+    labels[row[own], column[own]] = cv2.GC_FGD
+    models = np.zeros((1, 65)), np.zeros((1, 65))
+    cv2.setRNGSeed(1)  # the color models start from random means
+    cv2.grabCut(picture, labels, None, *models, ROUNDS, cv2.GC_INIT_WITH_MASK)
+    grown = ((labels == cv2.GC_FGD) | (labels == cv2.GC_PR_FGD)).astype(np.uint8)
+    _, parts = cv2.connectedComponents(grown, connectivity=4)
+    touching = np.bincount(parts[seeds.core], minlength=1)
+    kept = np.isin(parts, np.flatnonzero(touching[1:] > 0) + 1) & (grown > 0)
+    return kept if _proved(kept, on_mesh, told, seeds) else seeds.core
+
+
+def _proved(cut: Bools, on_mesh: Bools, told: Told, seeds: Seeds) -> bool:
+    """Whether the cut holds what is contradicted and little else."""
+    inside = cut[told.pixels(cut.shape)]
+    judged, against = int(inside.sum()), int(told.against[inside].sum())
+    grown, core = int((cut & on_mesh).sum()), int(seeds.core.sum())
+    return grown <= GROWTH * core and against >= PROOF * judged

@@ -1,0 +1,111 @@
+"""What stands in front of the piece, sought in all photos."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from texproj.arrays import Bytes
+from texproj.camera import Camera
+from texproj.color.balance.photometry import solve_photometry
+from texproj.color.balance.shared_points import PointObserver, SharedPoints
+from texproj.color.occluders.cutout import Told, cut_out
+from texproj.color.occluders.evidence import WITNESSES, Evidence, SurfacePoints, evidence
+from texproj.color.sampling.gather import Progress, counting
+from texproj.color.sampling.photo_set import PhotoSet, Unusable
+from texproj.color.sampling.prepare import view_of
+from texproj.color.weights.surface import surface_view
+from texproj.mesh import Mesh
+from texproj.options import ColorOptions
+from texproj.photo import Photo
+from texproj.render import Renderer
+from texproj.resources.scratch import Scratch
+
+LONGEST = 640
+"""Longer side, pixels, to which photos are reduced: fine enough for an outline, and a registration
+that is off by a few pixels of the photo does not count."""
+
+POINTS_PER_PHOTO, FEWEST_POINTS, MOST_POINTS = 2_000, 20_000, 400_000
+"""Points of the surface that are compared: where few photos see all of it, one in 5 x 5 pixels."""
+
+LOOK = ColorOptions(focus_power=0, blend="robust", clipped_weight=1.0)
+"""How photos are read here: only their colors count."""
+
+
+@dataclass(frozen=True, eq=False)
+class Occluder:
+    """What stands in front of the piece in a photo.
+
+    free: (h, w) uint8 over the whole photo, reduced: 0 = hidden, 255 = not; share: hidden part of
+    what the photo would show of the mesh.
+    """
+
+    free: Bytes
+    share: float
+
+
+def find_occluders(
+    mesh: Mesh, photos: PhotoSet, renderer: Renderer, progress: Progress | None = None
+) -> dict[str, Occluder]:
+    """The occluders by the names of their photos; photos without one are not in it.
+
+    photos: may be read reduced, to `LONGEST` or more; each is read once, and once more where other
+    photos contradict it. At least three photos must show a place for it to be judged.
+    """
+    cameras = tuple(camera.reduced(LONGEST) for camera in photos.cameras)
+    if len(cameras) <= WITNESSES:
+        return {}
+    with renderer.load(mesh) as scene, closing(Scratch()) as scratch:
+        small = replace(photos, cameras=cameras).rendered(scene, scratch)
+        shared, said = _compared(mesh, small, counting(progress, len(small)))
+        found = {}
+        for number, name in enumerate(small.names):
+            rows = said.rows(number)
+            judged = rows.start + np.flatnonzero(said.against[rows] | said.for_[rows])
+            told = Told(shared.xy_px[judged], said.against[judged], said.ratio[judged])
+            photo = _reduced(small, number) if told.enough else None
+            if photo is None:
+                continue
+            camera = small.cameras[number].resized(photo.width, photo.height)
+            on_mesh = np.isfinite(scene.gbuffer(camera, ("depth",)).require("depth"))
+            hidden = cut_out(np.ascontiguousarray(photo.srgb8()), on_mesh, told)
+            if hidden is not None:
+                share = float((hidden & on_mesh).sum() / on_mesh.sum())
+                found[name] = Occluder(np.where(hidden, 0, 255).astype(np.uint8), share)
+        return found
+
+
+def _compared(
+    mesh: Mesh, photos: PhotoSet, tell: Callable[[int], None]
+) -> tuple[SharedPoints, Evidence]:
+    """What the photos show of points all over the surface, and what others say of it."""
+    count = min(max(FEWEST_POINTS, POINTS_PER_PHOTO * len(photos)), MOST_POINTS)
+    points = SurfacePoints.of(mesh, _pixel(mesh, photos.cameras), count)
+    observer = PointObserver(points, len(photos), count=count)
+    for number in range(len(photos)):
+        photo = _reduced(photos, number)
+        if photo is not None:
+            depth_camera, depth = photos.depth_image(number)
+            view = view_of(photo, photos.cameras[number], depth_camera, depth, LOOK)
+            levels = len(view.levels)
+            surface = surface_view(points.owners, view.camera, depth_camera, levels, LOOK)
+            observer.add(number, surface, view)
+        tell(number + 1)
+    shared = observer.shared()
+    return shared, evidence(shared, solve_photometry(shared, LOOK))
+
+
+def _reduced(photos: PhotoSet, number: int) -> Photo | None:
+    """A photo, reduced; None for one that cannot be read, which coloring will tell."""
+    photo = photos.photo(number)
+    return None if isinstance(photo, Unusable) else photo.reduced(LONGEST)
+
+
+def _pixel(mesh: Mesh, cameras: tuple[Camera, ...]) -> float:
+    """Width of a pixel of a usual camera on the mesh, mesh units."""
+    return float(
+        np.median([np.linalg.norm(c.center - mesh.center) / c.intrinsics.fx for c in cameras])
+    )

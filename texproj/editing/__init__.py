@@ -1,0 +1,1 @@
+"""What a person made, changed by a program without losing anything of it."""

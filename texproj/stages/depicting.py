@@ -1,0 +1,127 @@
+"""Pictures of a project for its report: photos with the mesh's edges, the model beside them."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from texproj.camera import Camera
+from texproj.errors import InputError
+from texproj.formats.models import read_model
+from texproj.mesh import ColoredMesh, TexturedMesh
+from texproj.project import Project
+from texproj.records import CameraRecord
+from texproj.render import model_pictures
+from texproj.report.model import packed_model
+from texproj.report.page import Pictures, data_url
+from texproj.report.pictures import (
+    OVERLAY_LONGEST,
+    draw_picks,
+    encoded,
+    frame_of,
+    marked_hidden,
+    on_backdrop,
+    overlay,
+    viewpoints,
+)
+from texproj.stages.bench import Workbench
+from texproj.stages.coloring import STAGE as COLOR
+from texproj.stages.writing import GLB, OBJ, PLY
+
+MOST_COMPARED = 40
+"""Photos beside which the model is shown: each is a rendering, and a tenth of a megabyte."""
+
+Model = TexturedMesh | ColoredMesh
+Tell = Callable[[int, int, str], None]
+
+
+def pictures(bench: Workbench, records: dict[str, CameraRecord], tell: Tell) -> Pictures:
+    """All that the report shows of the project as it stands. tell: photos done, in all, name."""
+    names = bench.project.photo_names
+    model = written_model(bench.project)
+    overlays: dict[str, str] = {}
+    for done, name in enumerate(names):
+        tell(done, len(names), name)
+        record = records.get(name)
+        picture = _overlay(bench, name, record)
+        if picture is None:
+            continue
+        overlays[name] = picture
+    if model is None:
+        return Pictures(overlays, {}, [], None)
+    cameras = registered_cameras(records)
+    models = _from_photos(bench, model, records, overlays)
+    around = model_pictures(bench.renderer, model, viewpoints(bench.mesh, cameras))
+    views = [data_url(on_backdrop(picture)) for picture in around]
+    packed = packed_model(model, *frame_of(bench.mesh, cameras))
+    return Pictures(overlays, models, views, packed)
+
+
+def _from_photos(
+    bench: Workbench,
+    model: Model,
+    records: dict[str, CameraRecord],
+    names: Iterable[str],
+) -> dict[str, str]:
+    """The model as the photos' cameras see it, for the first `MOST_COMPARED` that have one."""
+    cameras = {
+        name: camera.reduced(OVERLAY_LONGEST)
+        for name in names
+        if (record := records.get(name)) and (camera := record.registered_camera)
+    }
+    chosen = dict(list(cameras.items())[:MOST_COMPARED])
+    found = model_pictures(bench.renderer, model, chosen.values(), samples=1)
+    return {n: data_url(on_backdrop(p)) for n, p in zip(chosen, found, strict=True)}
+
+
+def registered_cameras(records: dict[str, CameraRecord]) -> list[Camera]:
+    """The cameras of the photos that are registered."""
+    return [c for r in records.values() if (c := r.registered_camera) is not None]
+
+
+def _overlay(bench: Workbench, name: str, record: CameraRecord | None) -> str | None:
+    """The photo with the mesh's edges, its picks, and what stands in front; None if it cannot be
+    read.
+    """
+    try:
+        photo = bench.project.load_photo(name, OVERLAY_LONGEST)
+        picks = bench.project.load_correspondences(name)
+    except InputError:  # the registration has reported it
+        return None
+    camera = record.registered_camera if record else None
+    if record is None or camera is None:
+        return data_url(encoded(photo))
+    small = camera.resized(photo.width, photo.height)
+    picture = overlay(photo, bench.plain_scene.gbuffer(small, ("depth", "normal")))
+    hidden = (bench.project.load_record(COLOR) or {}).get("occluders", {})
+    if name in hidden:
+        free = cv2.imread(str(bench.project.occluder_path(name)), cv2.IMREAD_GRAYSCALE)
+        picture = picture if free is None else marked_hidden(picture, free)
+    if picks is not None:
+        outliers = [p["name"] for p in record.quality.get("picks", []) if p["outlier"]]
+        picture = draw_picks(picture, camera, picks, outliers)
+    return data_url(picture)
+
+
+def written_model(project: Project) -> Model | None:
+    """The model as it was written; None if there is none whose images can be read (ktx2)."""
+    outputs = (project.load_record(COLOR) or {}).get("outputs", {})
+    for name in (GLB, OBJ, PLY):
+        if name in outputs and (project.out / name).is_file():
+            with contextlib.suppress(InputError):
+                return _drawable(read_model(project.out / name))
+    return None
+
+
+def _drawable(model: Model) -> Model:
+    """The model with vertices that are not finite, which no face has, put where one has."""
+    finite = np.isfinite(model.vertices).all(axis=1, keepdims=True)
+    if finite.all() or not len(model.faces):
+        return model
+    return replace(
+        model, vertices=np.where(finite, model.vertices, model.vertices[model.faces[0, 0]])
+    )

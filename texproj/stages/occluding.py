@@ -1,0 +1,108 @@
+"""The masks of what stands in front of the piece, kept in work/occluders/ from run to run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+import cv2
+
+from texproj.camera import Camera
+from texproj.files import json_hash, write_atomically
+from texproj.photo import Photo
+from texproj.project import Project
+from texproj.records import CameraRecord
+from texproj.stages.attending import attended
+from texproj.stages.bench import Workbench
+from texproj.stages.entries import camera_hash
+from texproj.stages.freshness import Inputs, file_inputs, options_inputs
+from texproj.stages.progress import Progress
+
+STAGE = "occluders"
+VERSION = 1
+READ_PX = 640
+"""Longer side at which photos are read for it."""
+
+
+def keep_occluders(
+    bench: Workbench, cameras: Mapping[str, Camera], progress: Progress
+) -> dict[str, Any]:
+    """Find the occluders and write their masks, unless they are known; for each photo that has
+    one: share, hidden part of what the photo would show of the mesh; mask: its file; edited:
+    whether somebody has changed that file since. A mask that was changed is never written over.
+
+    Raises OutputError.
+    """
+    project = bench.project
+    if not project.settings.color.occluders:
+        return {}
+    record = project.load_record(STAGE) or {}
+    inputs = _inputs(project, cameras)
+    if record.get("inputs") != inputs:
+        record = _sought(bench, cameras, inputs, record.get("written", {}), progress)
+        project.save_record(STAGE, None, record)
+    return {
+        name: {**told, "mask": str(path.relative_to(project.root)), "edited": known != written}
+        for name, told in record["found"].items()
+        if (path := project.occluder_path(name)).is_file()
+        for known, written in [(project.hash_of(path), record["written"].get(name))]
+    }
+
+
+def occluder_inputs(project: Project, name: str) -> Inputs:
+    """The mask as an input of the coloring."""
+    path = project.occluder_path(name)
+    if not project.settings.color.occluders or not path.is_file():
+        return {}
+    return file_inputs(project, **{f"what stands in front in {name}": path})
+
+
+def _inputs(project: Project, cameras: Mapping[str, Camera]) -> Inputs:
+    files = {name: project.photo_path(name) for name in cameras}
+    masks = {f"mask of {name}": project.mask_path(name) for name in cameras}
+    known = project.load_cameras()
+    return {
+        **options_inputs(project, VERSION, "render"),
+        **file_inputs(project, mesh=project.mesh_path, **files, **masks),
+        "cameras": json_hash([_known(known[name]) for name in cameras]),
+    }
+
+
+def _known(record: CameraRecord) -> list[Any]:
+    return [record.file, camera_hash(record)]
+
+
+def _sought(
+    bench: Workbench,
+    cameras: Mapping[str, Camera],
+    inputs: Inputs,
+    written: Mapping[str, str],
+    progress: Progress,
+) -> dict[str, Any]:
+    """The record of a new search; masks of the one before that nobody has changed go."""
+    from texproj.color.occluders.in_front import find_occluders  # noqa: PLC0415 - slow to load
+    from texproj.color.sampling.photo_set import PhotoSet  # noqa: PLC0415
+
+    project = bench.project
+
+    def read(name: str) -> Photo:
+        return attended(name, partial(project.load_photo, name, READ_PX))
+
+    def tell(done: int, total: int) -> None:
+        progress(STAGE, done, total, "")
+
+    photos = PhotoSet(tuple(cameras), tuple(cameras.values()), read)
+    found = find_occluders(bench.mesh, photos, bench.renderer, tell)
+    hashes = {}
+    for name in cameras:
+        path, known = project.occluder_path(name), written.get(name)
+        if path.is_file() and project.hash_of(path) != known:
+            continue  # somebody's own
+        if name in found:
+            write_atomically(path, cv2.imencode(".png", found[name].free)[1].tobytes())
+            hashes[name] = project.hash_of(path)
+        else:
+            path.unlink(missing_ok=True)
+    shares = {name: {"share": occluder.share} for name, occluder in found.items()}
+    return {"inputs": inputs, "found": shares, "written": hashes}
