@@ -95,7 +95,7 @@ def _told(
 ) -> Fit | str:
     """The fit of one photo, or why it is not believed."""
     side = max(camera.width, camera.height)
-    if len(ruling.agree) < LEAST_PHOTOS - 1 or not np.isfinite(expected_error_px):
+    if ruling.camp < LEAST_PHOTOS or not np.isfinite(expected_error_px):
         return (
             "too few other photos show the same surface where its start puts it (at best "
             f"{ruling.share:.0%} of the patches agree, chance gives {ruling.chance:.0%}); "

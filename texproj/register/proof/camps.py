@@ -8,7 +8,7 @@ edges do not bear out. Method: ours.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
@@ -27,7 +27,8 @@ LARGER = 2.0
 class Ruling:
     """What the other photos say of one: numbers of those that agree and of those that contradict
     it, both as far as they were compared. share: the largest share of patches that agrees with one
-    of them; chance: what chance does in that pair. refused: the camera is wrong; torn: it or those
+    of them; chance: what chance does in that pair; camp: how many photos agree with each other,
+    this one among them, directly or through others. refused: the camera is wrong; torn: it or those
     that contradict it are, and nothing tells which.
     """
 
@@ -36,6 +37,7 @@ class Ruling:
     share: float = 0.0
     chance: float = 0.0
     apart_px: float = field(default=0.0, compare=False)
+    camp: int = 1
     refused: bool = False
     torn: bool = False
 
@@ -66,8 +68,12 @@ def rulings(
         elif size[c] < LARGER * size[rival]:
             torn.add(c)
     return {
-        k: _ruling(k, pairs, against[k], camp[k] in wrong, camp[k] in torn) for k in range(count)
-    }
+        k: replace(
+            _ruling(k, pairs, against[k]),
+            camp=size[camp[k]], refused=camp[k] in wrong, torn=camp[k] in torn,
+        )
+        for k in range(count)
+    }  # fmt: skip
 
 
 def _camps(count: int, pairs: Mapping[Pair, Agreement]) -> list[int]:
@@ -78,13 +84,9 @@ def _camps(count: int, pairs: Mapping[Pair, Agreement]) -> list[int]:
     return [int(c) for c in connected_components(graph, directed=False)[1]]
 
 
-def _ruling(
-    k: int, pairs: Mapping[Pair, Agreement], against: set[int], refused: bool, torn: bool
-) -> Ruling:
+def _ruling(k: int, pairs: Mapping[Pair, Agreement], against: set[int]) -> Ruling:
     own = {n: found for pair, found in pairs.items() if k in pair for n in pair if n != k}
     told = [found for found in own.values() if found.tells]
     best = max(told, key=lambda found: found.share, default=Agreement(0, 0, 0.0))
     agree = tuple(sorted(n for n, found in own.items() if found.agrees))
-    return Ruling(
-        agree, tuple(sorted(against)), best.share, best.chance, best.apart_px, refused, torn
-    )
+    return Ruling(agree, tuple(sorted(against)), best.share, best.chance, best.apart_px)
