@@ -13,7 +13,13 @@ from texproj.stages.attending import PhotoFaultError, attended
 from texproj.stages.bench import Workbench
 from texproj.stages.lineage import FAULT
 from texproj.stages.methods import METHODS, Job, Search, believed, search_as_asked
-from texproj.stages.outcomes import UNUSABLE, failed_record, refused_record, registered_record
+from texproj.stages.outcomes import (
+    UNUSABLE,
+    PhotoOutcome,
+    failed_record,
+    refused_record,
+    registered_record,
+)
 from texproj.stages.progress import Progress
 
 if TYPE_CHECKING:
@@ -56,6 +62,12 @@ def judged(
     from texproj.stages.judging import judgements  # noqa: PLC0415 - slow to load
 
     return judgements(bench, registered, new)
+
+
+def is_new(outcome: PhotoOutcome) -> bool:
+    """Whether the others have to be asked about a registered photo."""
+    record = outcome.record
+    return not outcome.failed and record.sought and not (outcome.kept and PROOF in record.quality)
 
 
 def told_rests_on(bench: Workbench, registered: Mapping[str, CameraRecord]) -> str:

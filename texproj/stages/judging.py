@@ -63,10 +63,7 @@ def judgements(
         told |= attended("all photos", lambda: judge(cameras, load, render, asked, sure))
     except PhotoFaultError:  # the log has it; a camera is not refused for that
         return {}
-    return {
-        names[k]: Judgement(_proof(registered[names[k]], ruling, names), *_words(ruling, names))
-        for k, ruling in told.items()
-    }
+    return {names[k]: _judgement(registered[names[k]], ruling, names) for k, ruling in told.items()}
 
 
 def rests_on(bench: Workbench, registered: Mapping[str, CameraRecord]) -> str:
@@ -125,23 +122,28 @@ def _proof(record: CameraRecord, ruling: Ruling, names: Sequence[str]) -> dict[s
     }
 
 
-def _words(ruling: Ruling, names: Sequence[str]) -> tuple[str, str]:
-    """Why a photo is not believed, and what to mind if it is."""
-    against = named([names[n] for n in ruling.against])
+def _judgement(record: CameraRecord, ruling: Ruling, names: Sequence[str]) -> Judgement:
+    """What is said of a photo. Picks are a proof of their own, which a camp of one size does not
+    outweigh.
+    """
+    proof, against = _proof(record, ruling, names), named([names[n] for n in ruling.against])
     if ruling.refused:
-        return (
+        refusal = (
             f"{against} see the same surface and show something else there (at best "
             f"{ruling.share:.0%} of the patches agree with a photo, chance gives "
             f"{ruling.chance:.0%}); check its picks or its start"
-        ), ""
-    if ruling.torn:
-        return (
+        )
+        return Judgement(proof, refusal)
+    if ruling.torn and record.method != "points":
+        refusal = (
             f"it and {against} show different things where they see the same surface, and which"
             " is wrong cannot be told; check the picks or starts of both"
-        ), ""
+        )
+        return Judgement(proof, refusal)
     if ruling.against and not ruling.agree:
-        return "", f"{against} shows something else where both see the same surface"
-    return "", ""
+        note = f"{against} shows something else where both see the same surface"
+        return Judgement(proof, note=note)
+    return Judgement(proof)
 
 
 def named(names: Sequence[str]) -> str:

@@ -237,8 +237,8 @@ class _Run:
 
     @property
     def new(self) -> Names:
-        """The photos that were registered in this run."""
-        return tuple(n for n, o in self.outcomes.items() if not (o.failed or o.kept))
+        """The photos that were registered in this run, or in one that was interrupted."""
+        return tuple(n for n, o in self.outcomes.items() if attempts.is_new(o) and self.traces[n])
 
     def judge(self) -> bool:
         """Ask the registered photos about the new ones; what they contradict is refused, and may be
@@ -271,8 +271,8 @@ class _Run:
         """More to tell of a photo; its camera is the same."""
         record, trace = attempts.noted(self.entries[name], proof, note), self.traces[name]
         assert trace is not None
-        self.entries[name] = record
-        self.outcomes[name] = PhotoOutcome(name, record, False, record.quality["reason"])
+        self.entries[name], reason = record, record.quality["reason"]
+        self.outcomes[name] = replace(self.outcomes[name], record=record, reason=reason)
         self.keeper.add(record, trace)
 
     def attend_alone(self) -> None:
