@@ -219,7 +219,7 @@ def flipped_in_place(mesh: Mesh) -> Mesh:
 
 
 def _real(folder: Path) -> tuple[str, list[Camera], list[Photo], Mesh]:
-    records = read_cameras(folder / "cameras_reference.json").records[:8]
+    records = read_cameras(folder / "cameras_reference.json").records[:6]
     files = [folder / "photos" / record.file for record in records]
     photos = [read_photo(file, read_photo_info(file), None, 1024) for file in files]
     mesh = repair(*read_mesh(folder / "mesh.ply")).mesh

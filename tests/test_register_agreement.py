@@ -7,8 +7,9 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from block_scenes import relief
+from block_scenes import mirrored, relief
 from painted_scenes import cushion_scene, prior, turn_about_z, turned, vase, vase_scene
+from scenes import synthetic_pair
 
 from texproj.demo.views import disturbed
 from texproj.errors import RegistrationError
@@ -19,11 +20,12 @@ from texproj.register.block.scan_samples import ScanSamples
 from texproj.register.block.slides import slides, untold
 from texproj.register.joint.lenses import PhotoStart
 from texproj.register.proof.agreement import Agreement
-from texproj.register.proof.camps import rulings
+from texproj.register.proof.camps import Ruling, rulings
 from texproj.register.proof.judge import judge
-from texproj.register.proof.together import brought_together
+from texproj.register.proof.together import Together, brought_together
 from texproj.render.rays import CPURenderer
 from texproj.stages import methods
+from texproj.stages.agreeing import edges_in_part
 from texproj.stages.bench import Workbench
 from texproj.stages.registering import register_photos
 
@@ -212,3 +214,23 @@ def test_rough_cameras_of_a_cushion_are_registered_by_agreement(tmp_path, monkey
     assert {entry.method for entry in entries.values()} == {"block"}
     assert all(entry.quality[PROOF]["by"] == ["other photos"] for entry in entries.values())
     assert max(scene.off_percent(name, e.camera) for name, e in entries.items()) < 0.3
+
+
+def test_photos_that_agree_on_a_mirrored_mesh_are_not_believed():
+    """A stele is nearly symmetric: its photos agree on the mirrored mesh, whose edges are found in
+    part; a vase has none to be found.
+    """
+    stele, vase_photos = synthetic_pair(3), vases()[0]
+    names = list(vase_photos.cameras)
+    for mesh, cameras, load, believed in (
+        (mirrored(stele.mesh), stele.cameras, lambda k, px: stele.photos[k].reduced(px), False),
+        (vase_photos.scan, list(vase_photos.cameras.values()),
+         lambda k, px: vase_photos.photo(names[k]).reduced(px), True),
+    ):  # fmt: skip
+        drawn = CPURenderer().load(mesh)
+        rulings_ = {k: Ruling(camp=3) for k in range(3)}
+        found = Together(tuple(cameras), np.zeros(3), 1.0, rulings_)
+        reason = edges_in_part(
+            found, load, lambda c, drawn=drawn: drawn.gbuffer(c, ("depth", "normal", "front"))
+        )
+        assert (reason == "") == believed, reason
