@@ -1,6 +1,6 @@
 """Make README's picture from a demo project that has been run.
 
-python tests/make_pictures.py texproj-demo
+python tests/make_pictures.py texproj-demo IMG_0005.jpg
 """
 
 import sys

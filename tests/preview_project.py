@@ -130,7 +130,7 @@ def running(
     root: Path, token: str | None = None, port: int = 0, **options: object
 ) -> Iterator[str]:
     """The server in a thread of this process; yields its address."""
-    session = Session(root, PreviewOptions(light_faces=1000, **options))
+    session = Session(root, PreviewOptions(**{"light_faces": 1000, **options}))
     listener = listen("127.0.0.1", port)
     port = listener.getsockname()[1]
     config = uvicorn.Config(

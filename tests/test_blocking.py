@@ -90,7 +90,8 @@ def test_a_photo_of_another_place_is_left_out_and_says_so(placed):
 
     assert stranger.reason.startswith("shows nothing that the registered photos show; leave it out")
     assert partners(project, STRANGER) == ()
-    assert set(partners(project, "IMG_0003.jpg")) >= {"IMG_0002.jpg", "IMG_0004.jpg"}
+    near = {partner.name: partner.matches for partner in partners(project, "IMG_0003.jpg")}
+    assert min(near["IMG_0002.jpg"], near["IMG_0004.jpg"]) > 30
 
 
 def test_one_registered_photo_holds_all_others(placed, sample, tmp_path):

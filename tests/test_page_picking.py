@@ -119,6 +119,7 @@ def test_solve_goes_on_where_picks_are_refused(root, page, monkeypatch):
     assert "from structure" in page.locator("#verdict").inner_text()
     assert "Find the other photo" in page.locator("#find-others").inner_text()
     assert Project.open(root).load_cameras()[TO_SOLVE].method == "structure"
+    assert page.evaluate("(p => p.scrollWidth <= p.clientWidth)(document.querySelector('#panel'))")
 
 
 def test_exposure_works_on_the_photo_too(page):

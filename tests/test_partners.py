@@ -12,6 +12,7 @@ from texproj.solve.features import Features
 from texproj.stages.lineage import Neighborhood
 from texproj.stages.methods import MOST_COMPARED
 from texproj.stages.partners import (
+    Partner,
     companions,
     compare_looks,
     keep_graph,
@@ -59,7 +60,7 @@ def test_what_photos_share_lasts_as_long_as_they_are_the_same(project):
     """
     a, b, c, d = NAMES[:4]
     keep(project, {(a, b): 40, (a, c): 90}, [a, b, c])
-    assert partners(Project.open(project.root), a) == (c, b)
+    assert partners(Project.open(project.root), a) == (Partner(c, 90), Partner(b, 40))
 
     (project.root / "photos" / c).write_bytes(b"another picture")
     again = Project.open(project.root)
@@ -116,6 +117,9 @@ def test_what_was_matched_comes_before_what_looks_alike(project):
 
     assert found["00.jpg"][0] == "01.jpg"
     assert sorted(found["00.jpg"]) == NAMES[1:-1]
+    told = partners(project, "00.jpg")
+    assert told[0] == Partner("01.jpg", 30)
+    assert {partner.name for partner in told[1:] if partner.matches is None} == set(NAMES[2:-1])
 
 
 def test_a_photo_of_another_place_stands_apart():

@@ -510,7 +510,7 @@ def test_the_back_of_a_surface_is_dark_and_cannot_be_picked(browser, root):
 
 
 def test_axe_finds_nothing_in_any_view(browser, root):
-    """Result, photo, factors of its weight, single steps, help, picking."""
+    """Result, photo, factors of its weight, single steps, help, settings, mask, picking."""
     with_packages()
     with running(root) as home, opened(browser, home) as page:
         found = violations(page, "result")
@@ -525,6 +525,14 @@ def test_axe_finds_nothing_in_any_view(browser, root):
         page.locator("#do-help").click()
         found += violations(page, "help")
         page.get_by_role("button", name="Close").click()
+        page.locator("#do-settings").click()
+        page.evaluate("document.querySelectorAll('details').forEach(d => { d.open = true })")
+        found += violations(page, "settings")
+        page.get_by_role("button", name="Close").click()
+        page.evaluate("texproj.mask(texproj.photo)")
+        until(page, "texproj.masks.facts")
+        found += violations(page, "mask")
+        page.locator("#leave-mask").click()
         pick_page(page, "0000.png")
         page.locator("#photo-pane").focus()
         page.keyboard.press("Enter")
@@ -534,7 +542,7 @@ def test_axe_finds_nothing_in_any_view(browser, root):
 
 
 def test_axe_finds_nothing_on_a_phone(browser, root):
-    """A new project: how to start, photos, view."""
+    """A new project: how to start, photos, view, settings."""
     with_packages()
     (root / "cameras.json").unlink()
     with running(root) as home, opened(browser, home, 390, 760) as page:
@@ -542,7 +550,10 @@ def test_axe_finds_nothing_on_a_phone(browser, root):
         page.get_by_role("button", name="Photos", exact=True).click()
         found += violations(page, "photos")
         page.get_by_role("button", name="View", exact=True).click()
-        assert found + violations(page, "panel") == []
+        found += violations(page, "panel")
+        page.locator("#do-settings").click()
+        page.locator("#settings details").first.wait_for()
+        assert found + violations(page, "settings") == []
 
 
 def test_the_bundle_is_small():

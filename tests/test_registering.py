@@ -19,7 +19,7 @@ from scale_project import LENS, make_photos, make_scale_project
 from texproj.camera import Camera, Pose
 from texproj.cli import main
 from texproj.project import Project
-from texproj.records import THROUGH, Fit
+from texproj.records import THROUGH, CameraRecord, Fit
 from texproj.stages import attempts, keeping, methods, registering
 from texproj.stages.bench import Workbench
 from texproj.stages.methods import Search, believed
@@ -341,6 +341,112 @@ def test_photos_placed_together_depend_on_each_other(tmp_path, monkeypatch):
     path.write_bytes(path.read_bytes() + b"\0")
     states = registration_freshness(Project.open(project.root))
     assert all("photos of the block changed" in state.reason for state in states)
+
+
+def placing(monkeypatch, found) -> list[tuple[tuple[str, ...], tuple[str, ...]]]:
+    """Stands in for the block: `found(names, anchors)`; returns what it was asked, call by call."""
+    asked = []
+
+    def place(_bench, names, anchors, _progress):
+        asked.append((tuple(names), tuple(anchors)))
+        return found(names, anchors)
+
+    monkeypatch.setattr(attempts, "as_block", place)
+    return asked
+
+
+def placed_at(z: float, reason: str = "") -> Fit:
+    camera = Camera(LENS, Pose(np.eye(3), np.array([0, 0, z])))
+    return Fit(camera, "block", 1.0, np.ones(4), np.ones(4, bool), np.eye(6), reason=reason)
+
+
+@pytest.fixture
+def imported(tmp_path) -> Project:
+    """Five photos, of which another program has registered one, wrongly."""
+    project = make_photos(tmp_path / "imported", 5)
+    camera = Camera(LENS, Pose(np.eye(3), np.array([0, 0, 9.0])))
+    name = project.photo_names[2]
+    size = camera.width, camera.height
+    record = CameraRecord(name, *size, LENS, camera.pose, "registered", "import")
+    project.save_cameras([record])
+    return Project.open(project.root)
+
+
+def test_what_the_others_do_not_bear_out_is_placed_with_them(imported, monkeypatch):
+    """Few registered photos are asked about by all others before any is sought through them; a
+    wrong one is moved, keeps its camera as a start, and nothing is stale then.
+    """
+    names = imported.photo_names
+    asked = placing(monkeypatch, lambda _, anchors: {
+        n: placed_at(4.0, "not borne out" if n in anchors else "") for n in names
+    })  # fmt: skip
+    with Workbench(imported) as bench:
+        outcomes = {o.name: o for o in register_photos(bench)}
+    moved = imported.load_cameras()[names[2]]
+
+    assert asked == [((*names[:2], *names[3:]), (names[2],))]
+    assert outcomes[names[2]].reason == "not borne out"
+    assert moved.method == "block" and moved.pose.t[2] == 4
+    assert moved.start.status == "prior" and moved.start.pose.t[2] == 9
+    assert all(state.fresh for state in registration_freshness(Project.open(imported.root)))
+
+
+def test_a_doubted_photo_vouches_for_no_other(imported, monkeypatch):
+    """Nothing bears it out and the block is refused: it stays, with the reason, and no photo is
+    sought through it, now or in the next run.
+    """
+    names = imported.photo_names
+    asked = placing(monkeypatch, lambda _, anchors: {
+        n: "nobody bears it out" if n in anchors else f"{names[2]} is doubted" for n in names
+    })  # fmt: skip
+    sought = []
+
+    def by_others(job, _earlier, _before=None):
+        sought.append(tuple(job.neighbors))
+        return Search(None, ("nothing is shared",), ("features",))
+
+    monkeypatch.setattr(registering, "search_by_others", by_others)
+    with Workbench(imported) as bench:
+        outcomes = {o.name: o for o in register_photos(bench)}
+    doubted = imported.load_cameras()[names[2]]
+
+    assert doubted.status == "registered" and not doubted.vouches
+    assert outcomes[names[2]].reason == "nobody bears it out"
+    assert all(outcomes[n].failed for n in names if n != names[2])
+    assert set(sought) == {()}
+    with Workbench(Project.open(imported.root)) as bench:
+        assert all(outcome.kept for outcome in register_photos(bench))
+    assert len(asked) == 1
+
+
+def test_many_registered_photos_are_believed(imported, monkeypatch):
+    """The block is not asked where most photos are registered: a wrong one is outvoted."""
+    first, *rest = imported.load_cameras().values()
+    imported.save_cameras([replace(first, file=name) for name in imported.photo_names[:3]])
+    asked = placing(monkeypatch, lambda *_: {})
+    by_others = Search(None, ("nothing is shared",), ("features",))
+    monkeypatch.setattr(registering, "search_by_others", lambda *_: by_others)
+    project = Project.open(imported.root)
+    with Workbench(project) as bench:
+        register_photos(bench)
+
+    assert rest == [] and [len(names) for names, _ in asked] == [2]  # at last, once all failed
+
+
+def test_a_block_can_be_asked_for(imported, monkeypatch, capsys):
+    """`--method block` places the chosen photos together; of too few it says so."""
+    names = imported.photo_names
+    asked = placing(
+        monkeypatch, lambda names, _: {n: placed_at(4.0) for n in names if len(names) > 2}
+    )
+    chosen = ("--photos", "IMG_0000[0-2]*")
+    code, told = command(capsys, "register", imported.root, "--method", "block", *chosen)
+    assert code == 0 and asked[0][0] == tuple(names[:3])
+    assert {p["method"] for p in told["photos"]} == {"block"}
+
+    few = ("--photos", names[3])
+    code, told = command(capsys, "register", imported.root, "--method", "block", *few)
+    assert code == 1 and "three photos or more" in told["photos"][0]["reason"]
 
 
 # --- what it costs, and what is kept

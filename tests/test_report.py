@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from color_scenes import plane
 from test_color_occluders import colored, photos, project_of
-from test_preview_browser import BROWSER, FLAGS
 
 from texproj.mesh import ColoredMesh, TexturedMesh
 from texproj.report import model as report_model
@@ -55,6 +54,8 @@ def test_the_verdict_follows_from_the_numbers():
     assert verdict(facts(seen=0.5))["level"] == "bad"
     assert verdict(facts(error=9.0))["level"] == "bad"
     assert any("20.0 %" in step for step in verdict(facts(seen=0.8))["next"])
+    untold = verdict(facts(error=None))
+    assert untold["level"] == "fair" and "not known" in untold["next"][0]
     none = verdict(facts(failed=(0, 1, 2)) | {"color": None})
     assert none["level"] == "bad" and "no model yet" in none["text"]
 
@@ -118,28 +119,23 @@ def test_one_file_without_a_network(page):
     assert "up is y, by the settings" in text
 
 
-def test_the_model_is_drawn_and_turns(page):
+def test_the_model_is_drawn_and_turns(page, browser):
     """In a browser without a network, the wall is there, and another side of it after some keys."""
-    if not BROWSER:
-        pytest.skip("no Chromium (apt-get install chromium, or set TEXPROJ_BROWSER)")
-    play = pytest.importorskip("playwright.sync_api")
     if 'type="module"' not in page.read_text():
         pytest.skip("the page is not built (python hatch_build.py)")
-    with play.sync_playwright() as playing:
-        browser = playing.chromium.launch(executable_path=BROWSER, args=FLAGS)
-        tab = browser.new_context(offline=True).new_page()
-        faults = []
-        tab.on("pageerror", lambda error: faults.append(str(error)))
-        tab.goto(page.as_uri())
-        tab.wait_for_selector("canvas[data-drawn=yes]")
-        canvas = tab.locator("#model")
-        before = canvas.screenshot()
-        canvas.focus()
-        for _ in range(4):
-            tab.keyboard.press("ArrowRight")
-        tab.wait_for_timeout(300)
-        after = canvas.screenshot()
-        browser.close()
+    context = browser.new_context(offline=True)
+    tab, faults = context.new_page(), []
+    tab.on("pageerror", lambda error: faults.append(str(error)))
+    tab.goto(page.as_uri())
+    tab.wait_for_selector("canvas[data-drawn=yes]")
+    canvas = tab.locator("#model")
+    before = canvas.screenshot()
+    canvas.focus()
+    for _ in range(4):
+        tab.keyboard.press("ArrowRight")
+    tab.wait_for_timeout(300)
+    after = canvas.screenshot()
+    context.close()
 
     assert faults == []
     assert len(before) > 10_000 and before != after

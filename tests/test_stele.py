@@ -49,6 +49,15 @@ def test_a_second_run_does_nothing(stele, capsys):
     assert model.stat().st_mtime_ns == before[model]
 
 
+def test_status_tells_what_became_of_the_photos(stele, capsys):
+    """The sentence of the run, from what is kept."""
+    assert main(["status", str(stele), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)["story"]
+
+    assert "4 photos overlap; placed as one block on the scan (held by IMG_000" in told
+    assert "refined to" in told and "left out" not in told
+
+
 def test_it_is_small(sample):
     """Everybody who clones gets it: less than 3 MB."""
     files = [path for path in sample.rglob("*") if path.is_file()]

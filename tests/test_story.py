@@ -42,7 +42,13 @@ def test_photos_found_by_other_means_are_counted():
 def test_photos_held_by_others_tell_no_rival():
     """There was no other place to compare with."""
     held = [photo("a", "registered", "block", through=["b"])]
-    assert "held by registered ones" in story(held, False, {})
+    assert story(held, False, {}).endswith("placed as one block on the scan (held by b)")
+
+
+def test_what_others_do_not_bear_out_is_named():
+    """It is registered, so it is in no list of failures."""
+    told = story([photo("a", "registered", "import", not_borne_out=True)], False, {})
+    assert told == "1 found by import; other photos do not bear out a"
 
 
 def test_a_thousand_photos_left_out_make_no_endless_line():

@@ -1,5 +1,6 @@
 """Which files a model becomes, and what happens to those of an earlier run."""
 
+import zipfile
 from dataclasses import replace
 
 import imagecodecs
@@ -245,3 +246,19 @@ def test_the_light_mesh_of_the_page_takes_the_vertex_colors_of_a_glb(tmp_path):
     place = (surface.light.mesh.vertices - offset) / 2 + 0.5
     assert (rgba[:, 3] == 255).all()
     assert np.abs(linear_from_srgb(rgba[:, :3] / 255) - place).max() < 0.08
+
+
+@pytest.mark.parametrize(("image", "bits"), [("png", 8), ("png", 16), ("jpeg", 8), ("webp", 8)])
+def test_a_usdz_holds_png_or_jpeg_of_8_bits_whatever_the_others_hold(image, bits, tmp_path):
+    """Its images are inside alone: nothing else is left in the folder."""
+    kind = np.uint8 if bits == 8 else np.uint16
+    color = {"bits": bits}
+    names, pages = written(tmp_path, color, kind, models=("obj", "usdz"), image=image)
+    with zipfile.ZipFile(tmp_path / "model.usdz") as package:
+        inside = [name for name in package.namelist() if not name.endswith(".usda")]
+        data = package.read(inside[0])
+
+    assert {"model.usdz", "model.obj"} <= set(names) and len(inside) == len(pages)
+    assert data.startswith(b"\xff\xd8" if image == "jpeg" else b"\x89PNG")
+    if image != "jpeg":
+        assert imagecodecs.png_decode(data).dtype == np.uint8

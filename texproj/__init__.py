@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from texproj.project import Project
     from texproj.stages.bench import Workbench
     from texproj.stages.coloring import color_project
+    from texproj.stages.partners import partners
     from texproj.stages.refining import refine_project
     from texproj.stages.registering import register_photos
     from texproj.stages.reporting import report_project
@@ -42,6 +43,7 @@ _HOMES = {
     "create_project": "texproj.creation",
     "Workbench": "texproj.stages.bench",
     "register_photos": "texproj.stages.registering",
+    "partners": "texproj.stages.partners",
     "refine_project": "texproj.stages.refining",
     "color_project": "texproj.stages.coloring",
     "report_project": "texproj.stages.reporting",
@@ -62,6 +64,7 @@ __all__ = [
     "__version__",
     "color_project",
     "create_project",
+    "partners",
     "project_status",
     "refine_project",
     "register_photos",

@@ -23,7 +23,8 @@ class PhotoInfo:
     upright full-size image from EXIF, None if not told; camera_body: maker, model and serial
     number, empty if not told; exposure_ev: log2 of the light that the settings (time, aperture,
     ISO) gather, None if not told; notes: what was missing or odd, one sentence each;
-    orientation: the EXIF orientation, 1..8, that made the photo upright.
+    orientation: the EXIF orientation, 1..8, that made the photo upright; copyright, artist: EXIF's
+    words, taken: when, ISO 8601 in the camera's time; empty if not told.
     """
 
     name: str
@@ -34,6 +35,9 @@ class PhotoInfo:
     exposure_ev: float | None = None
     notes: tuple[str, ...] = ()
     orientation: int = 1
+    copyright: str = ""
+    artist: str = ""
+    taken: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -92,6 +92,7 @@ BODIES = {
     ("POST", "/api/jobs"): {"kind": "solve", "photo": PHOTO},
     ("PUT", f"/api/photos/{PHOTO}/picks"): {"picks": PICKS, "base": "none"},
     ("PUT", f"/api/photos/{PHOTO}/excluded"): {"excluded": False},
+    ("PUT", "/api/up"): {"axis": "-y"},
     ("PATCH", "/api/settings"): {
         "base": "",
         "changes": [{"table": "color", "key": "bits", "value": 16}],

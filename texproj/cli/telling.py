@@ -21,9 +21,10 @@ def status(folder: Folder, /, *, json: Json = False, verbose: Verbose = False) -
     Example: texproj status statue
     """
     from texproj.stages.running import StatusOutcome, project_status  # noqa: PLC0415
+    from texproj.stages.story import story_of  # noqa: PLC0415
 
     project = open_project(folder, None, verbose)
-    return tell(project, StatusOutcome(project_status(project)), json)
+    return tell(project, StatusOutcome(project_status(project), story_of(project)), json)
 
 
 def preview(folder: Folder, /, *, flags: PreviewFlags = None, verbose: Verbose = False) -> int:

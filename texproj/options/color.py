@@ -116,9 +116,9 @@ class PatchOptions:
 class OutputOptions:
     """Which files are written to out/, and what is in them."""
 
-    models: tuple[Literal["auto", "glb", "obj", "ply"], ...] = ("auto",)
+    models: tuple[Literal["auto", "glb", "obj", "ply", "usdz"], ...] = ("auto",)
     """Kinds of model files: auto = glb and obj with a texture, ply with vertex colors (which a glb
-    can hold too)."""
+    can hold too). usdz holds a texture as png or jpeg, for Apple's viewers and USD."""
 
     image: Literal["png", "jpeg", "webp", "tiff", "ktx2"] = "png"
     """Format of the texture's images. tiff is for the obj, ktx2 (made by the program basisu) for
@@ -138,4 +138,4 @@ class OutputOptions:
     """The scan's unit, by which the same node scales a glb to metres; auto = as it is."""
 
     unlit: bool = True
-    """A glb shows the colors as photographed, without lights of the viewer's own."""
+    """A glb or usdz shows the colors as photographed, without lights of the viewer's own."""

@@ -15,7 +15,7 @@ class RegisterOptions:
     """How the cameras of the photos are found."""
 
     method: Literal[
-        "auto", "points", "mutual-information", "silhouette", "structure", "features"
+        "auto", "points", "mutual-information", "silhouette", "structure", "features", "block"
     ] = "auto"
     """Auto uses what the project has: picks, an approximate camera, a mask, other photos."""
 

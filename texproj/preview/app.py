@@ -204,7 +204,7 @@ class Handlers:
     def partners(self, request: Request) -> Response:
         """The photos that show the same as one, most of it first."""
         project, name = self.photo_of(request)
-        found = [other for other in partners(project, name) if other in project.photo_paths]
+        found = [other.name for other in partners(project, name) if other.matches]
         return JSONResponse({"photos": found[:MOST_PARTNERS]})
 
     async def hit(self, request: Request) -> Response:

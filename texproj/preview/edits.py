@@ -24,6 +24,7 @@ from texproj.editing.masks import (
 from texproj.editing.toml import change_settings, leave_out, settings_version
 from texproj.errors import UsageError
 from texproj.preview.door import inside, leaves
+from texproj.preview.memory import AXES, remember_up
 from texproj.preview.picks import numbers
 from texproj.preview.requests import body
 from texproj.preview.session import Session
@@ -51,6 +52,7 @@ class EditHandlers:
         return [
             Route("/api/settings", self.settings),
             Route("/api/settings", self.change, methods=["PATCH"]),
+            Route("/api/up", self.remember_up, methods=["PUT"]),
             Route(f"{photo}/excluded", self.exclude, methods=["PUT"]),
             Route(f"{photo}/mask", self.mask),
             Route(f"{photo}/mask", self.draw, methods=["POST"]),
@@ -82,6 +84,16 @@ class EditHandlers:
                 path = project.root / change.value
                 if leaves(path, project.root) or not path.is_file():
                     raise UsageError(f"no photo {change.value!r} in the project")
+
+    async def remember_up(self, request: Request) -> Response:
+        """Which way the model stands on the page; models that are written have `[output] up`."""
+        axis = (await body(request)).get("axis")
+        if axis not in AXES:
+            raise UsageError(f"up is one of {', '.join(AXES)}")
+        project = self.session.project
+        inside(project.work, self.session.root)
+        await run_in_threadpool(remember_up, project, axis)
+        return JSONResponse({"up": axis})
 
     async def exclude(self, request: Request) -> Response:
         data = await body(request)

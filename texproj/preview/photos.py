@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from typing import Any
 
@@ -44,6 +45,8 @@ def photo_facts(project: Project, name: str, record: CameraRecord | None) -> dic
         facts["picks"] = len(picks) if picks is not None else 0
     except TexprojError as error:
         facts["picks_error"] = str(error)
+    with contextlib.suppress(TexprojError):  # two masks: told when the photo is used
+        facts["mask"] = project.mask_path(name) is not None
     if record is None:
         return facts | {"reason": "not registered yet", "advice": start_advice(facts["picks"])}
     return facts | record_facts(record, facts["picks"])

@@ -25,6 +25,7 @@ from texproj.options import PreviewOptions
 from texproj.preview.door import check_picks, check_texts, leaves
 from texproj.preview.events import Hub
 from texproj.preview.jobs import Job, Jobs
+from texproj.preview.memory import chosen_up
 from texproj.preview.photos import Pictures, photo_facts
 from texproj.preview.surface import Surface
 from texproj.project import Project
@@ -122,6 +123,7 @@ class Session:
             "photos": [photo_facts(project, name, entries.get(name)) for name in names],
             "excluded": list(project.settings.exclude),
             "to": project.settings.color.to,
+            "up": chosen_up(project),
             "report": None if leaves(report, self.root) else stamp(report),
             "models": {name: shown_stamp(project.out / name, self.root) for name in MODEL_FILES},
             "jobs": [job.as_dict() for job in self.jobs.active],

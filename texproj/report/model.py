@@ -53,7 +53,8 @@ def packed_model(
         every = np.arange(len(model.vertices))
         corners = _Corners(every, None, model.faces.astype(np.int64))
         pages = [{"image": None, "first": 0, "count": len(model.faces)}]
-    used = model.vertices[corners.vertex]
+    xyz = model.vertices[corners.vertex]
+    used = xyz[np.unique(corners.faces)]
     low, high = used.min(axis=0), used.max(axis=0)
     size = np.maximum(high - low, 1e-6 * float(np.max(high - low)) + 1e-30)
     steps = np.diff(corners.faces.ravel(), prepend=0)
@@ -62,7 +63,7 @@ def packed_model(
         "front": front.tolist(),
         "low": low.tolist(),
         "size": size.tolist(),
-        "positions": _text(np.round((used - low) / size * STEPS), "<u2"),
+        "positions": _text(np.round(((xyz - low) / size).clip(0, 1) * STEPS), "<u2"),
         "uv": None if corners.uv is None else _text(corners.uv.clip(0, 1) * STEPS, "<u2"),
         "colors": _text(_srgb8(model.colors), "u1") if isinstance(model, ColoredMesh) else None,
         "faces": _text(steps, "<i4"),

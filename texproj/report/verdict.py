@@ -103,6 +103,15 @@ def _next(facts: Mapping[str, Any], quality: Mapping[str, Any]) -> Iterator[str]
             f"Uncertain cameras: {_named(poor)}. Look at the edges below; add points, or run"
             " `texproj refine`."
         )
+    known = _errors(facts)
+    untold = [
+        p["file"] for p in facts["photos"] if p["status"] == "registered" and p["file"] not in known
+    ]
+    if untold:
+        yield (
+            f"How far off these cameras may be is not known: {_named(untold)}. See below whether"
+            " the edges follow the picture; `texproj refine` compares the photos with each other."
+        )
     unread = (facts["color"] or {}).get("failed", {})
     if unread:
         yield f"Not used for color: {_named(list(unread))}. The reasons stand with them below."

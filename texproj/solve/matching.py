@@ -39,6 +39,28 @@ class PatchMatches:
         return len(self.patch)
 
 
+@dataclass(frozen=True, eq=False)
+class SearchImage:
+    """An orientation field in which `size` square patches are sought within +-`radius` pixels.
+
+    padded: with a border of zeros as wide as a search reaches; energy: of the patch around each of
+    its pixels.
+    """
+
+    padded: Field
+    energy: NDArray[np.float32]
+    size: int
+    radius: int
+
+    @classmethod
+    def of(cls, image: Field, size: int, radius: int) -> SearchImage:
+        padded = np.pad(image, size // 2 + radius)
+        energy = cv2.boxFilter(
+            np.abs(padded) ** 2, -1, (size, size), normalize=False, borderType=cv2.BORDER_CONSTANT
+        )
+        return cls(padded, energy, size, radius)
+
+
 def patch_grid(valid: NDArray[np.bool_], size: int, step: int, filled: float = 0.7) -> Index:
     """(n, 2) x, y of the pixels on a regular grid around which a `size` square is `filled`.
 
@@ -60,34 +82,34 @@ def match_patches(
     Correlation maxima on the rim of the search window are not maxima and are dropped, so a
     patch may yield no match; at most `peaks` each. Sub-pixel by a parabola along each axis.
     """
-    half = size // 2
-    pad = half + radius
-    big_t = np.pad(template, half)
-    big_i = np.pad(image, pad)
-    energy = cv2.boxFilter(
-        np.abs(big_i) ** 2, -1, (size, size), normalize=False, borderType=cv2.BORDER_CONSTANT
-    )
+    big_t, searched = np.pad(template, size // 2), SearchImage.of(image, size, radius)
     parts = [
-        _match_batch(big_t, big_i, energy, centers[k : k + BATCH], (half, radius, peaks), k)
+        _match_batch(_windows(big_t, centers[k : k + BATCH], size), searched, centers, peaks, k)
+        for k in range(0, len(centers), BATCH)
+    ]
+    return _joined(parts)
+
+
+def match_windows(windows: Field, searched: SearchImage, centers: Index) -> PatchMatches:
+    """Find (n, size, size) patches around `centers` (n, 2) of the image; as `match_patches`, of
+    patches that need not come from one template.
+    """
+    parts = [
+        _match_batch(windows[k : k + BATCH], searched, centers, 1, k)
         for k in range(0, len(centers), BATCH)
     ]
     return _joined(parts)
 
 
 def _match_batch(
-    template: Field,
-    image: Field,
-    energy: NDArray[np.float32],
-    centers: Index,
-    setting: tuple[int, int, int],
-    first: int,
+    t: Field, searched: SearchImage, centers: Index, peaks: int, first: int
 ) -> PatchMatches:
-    half, radius, peaks = setting
-    size, span = 2 * half + 1, 2 * radius + 1
-    t = _windows(template, centers, size)
-    i = _windows(image, centers, size + 2 * radius)
+    size, radius = searched.size, searched.radius
+    half, span = size // 2, 2 * radius + 1
+    centers = centers[first : first + len(t)]
+    i = _windows(searched.padded, centers, size + 2 * radius)
     # energy of the image patch shifted by d sits at the center of that patch
-    e = _windows(energy[half:, half:], centers, span)
+    e = _windows(searched.energy[half:, half:], centers, span)
     n = fft.next_fast_len(size + 2 * radius)
     spectrum = fft.fft2(i, (n, n)) * np.conj(fft.fft2(t, (n, n)))
     correlation = fft.ifft2(spectrum)[:, :span, :span].real

@@ -11,7 +11,7 @@ from texproj.errors import InputError
 from texproj.records import PROOF, CameraRecord, Fit, Status
 from texproj.stages.attending import PhotoFaultError, attended
 from texproj.stages.bench import Workbench
-from texproj.stages.lineage import FAULT
+from texproj.stages.lineage import FAULT, Trace
 from texproj.stages.methods import METHODS, Job, Search, believed, search_as_asked
 from texproj.stages.outcomes import (
     UNUSABLE,
@@ -90,6 +90,14 @@ def as_searches(told: Mapping[str, Fit | str]) -> dict[str, Search]:
         else Search().then([("block", partial(believed, fit))])
         for name, fit in told.items()
     }
+
+
+def continued(found: Search, outcome: PhotoOutcome | None, trace: Trace | None) -> Search:
+    """A search after what was tried of the photo before."""
+    if outcome is None or trace is None:
+        return found
+    reasons = (outcome.reason, *found.refusals) if found.fit is None else ()
+    return replace(found, refusals=reasons, tried=(*trace.tried, *found.tried))
 
 
 def as_placed(found: Search, _: Job) -> Search:

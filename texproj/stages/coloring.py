@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,6 +28,7 @@ from texproj.stages.freshness import (
 from texproj.stages.occluding import keep_occluders, occluder_inputs
 from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
+from texproj.stages.provenance import provenance_of
 from texproj.stages.writing import OutputPlan, output_plan, write_texture, write_vertices
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 
 STAGE = "color"
 VERSION = 3
-Write = Callable[[Path], tuple[str, ...]]
+Write = Callable[[Path, OutputPlan], tuple[str, ...]]
 SECTIONS = ("color", "unwrap", "patches", "output", "render")
 
 
@@ -96,21 +97,25 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
     plan = output_plan(project.settings.color, project.settings.output, tuple(cameras.values()))
     hidden = keep_occluders(bench, cameras, progress)
     inputs = _inputs(project)
-    colors, write = _made(bench, photo_set(project, cameras), plan, progress)
+    colors, write = _made(bench, photo_set(project, cameras), progress)
     failed |= colors.failed
     if not set(cameras) - set(failed):
         raise InputError(f"no photo could be read: {'; '.join(failed.values())}")
+    used = [name for name in cameras if name not in failed]
+    made_by = provenance_of(project, used)
     with staging(project.out) as folder:
-        files = write(folder)
+        files = write(folder, replace(plan, provenance=made_by))
     _remove_leftovers(project, before, files)
     record = {
         "inputs": inputs,
         "outputs": {name: project.hash_of(project.out / name) for name in files},
-        "used": [name for name in cameras if name not in failed],
+        "used": used,
         "failed": failed,
         "quality": colors.quality,
         "occluders": hidden,
         "standing": asdict(plan.standing),
+        "provenance": dict(made_by.facts),
+        "copyright": made_by.copyright,
         "mesh notes": list(bench.source.notes),
     }
     project.save_record(STAGE, None, record)
@@ -203,7 +208,7 @@ def photo_set(project: Project, cameras: Mapping[str, Camera]) -> PhotoSet:
 
 
 def _made(
-    bench: Workbench, photos: PhotoSet, plan: OutputPlan, progress: Progress
+    bench: Workbench, photos: PhotoSet, progress: Progress
 ) -> tuple[VertexColors | Texture, Write]:
     """The colors of the model, and what writes it into a folder and returns the file names."""
     from texproj.color.vertices import color_vertices  # noqa: PLC0415 - slow to load
@@ -214,9 +219,9 @@ def _made(
     options, checker = bench.project.settings.color, checker_of(bench.project)
     if options.to == "vertices":
         colors = color_vertices(bench.mesh, photos, bench.renderer, options, checker, tell)
-        return colors, lambda folder: write_vertices(folder, bench.source, colors, plan)
+        return colors, lambda folder, plan: write_vertices(folder, bench.source, colors, plan)
     texture = _texture(bench, photos, checker, tell)
-    return texture, lambda folder: write_texture(folder, bench.mesh, texture, plan)
+    return texture, lambda folder, plan: write_texture(folder, bench.mesh, texture, plan)
 
 
 def _texture(

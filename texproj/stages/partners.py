@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -33,11 +34,25 @@ def content_key(project: Project, name: str) -> str:
     return content_hash("-".join(map(str, parts)).encode())
 
 
-def partners(project: Project, name: str) -> tuple[str, ...]:
-    """The photos in which something of photo `name` was found again, most of it first; none where
+@dataclass(frozen=True)
+class Partner:
+    """A photo that shows the same as another. matches: points that were found in both, verified by
+    the geometry of two views; None where the two only look alike and were not matched yet.
+    """
+
+    name: str
+    matches: int | None
+
+
+def partners(project: Project, name: str) -> tuple[Partner, ...]:
+    """The photos that show the same as photo `name`: first those in which something of it was
+    found again, most of it first, then those that look like it, the most alike first; none where
     the photos were not compared yet. Reads what is kept and computes nothing.
     """
-    return load_graph(project).neighbors(name)
+    graph = load_graph(project)
+    found = [Partner(other, graph.count(name, other)) for other in graph.neighbors(name)]
+    told = _looks(project).get(name, ())
+    return (*found, *(Partner(n, None) for n in told if not graph.knows(name, n)))
 
 
 def load_graph(project: Project) -> PhotoGraph:
@@ -61,17 +76,21 @@ def companions(project: Project) -> dict[str, tuple[str, ...]]:
     """By photo, the others that show the same, by what was matched, or else by their looks; the
     best first. Reads what is kept and computes nothing.
     """
-    told, same = _kept(project, ALIKE)
-    alike = told.get("alike")
-    alike = alike if isinstance(alike, dict) else {}
-    found = {
-        name: tuple(other for other in alike.get(name, ()) if other in same)
-        for name in project.photo_names if name in same
-    }  # fmt: skip
-    graph = load_graph(project)
+    found, graph = _looks(project), load_graph(project)
     for name in project.photo_names:
         found[name] = tuple(dict.fromkeys([*graph.neighbors(name), *found.get(name, ())]))
     return {name: others for name, others in found.items() if others}
+
+
+def _looks(project: Project) -> dict[str, tuple[str, ...]]:
+    """By photo, the others that look like it, as far as all are still the same."""
+    told, same = _kept(project, ALIKE)
+    alike = told.get("alike")
+    alike = alike if isinstance(alike, dict) else {}
+    return {
+        name: tuple(other for other in alike.get(name, ()) if other in same)
+        for name in project.photo_names if name in same
+    }  # fmt: skip
 
 
 def compare_looks(bench: Workbench, progress: Progress) -> None:

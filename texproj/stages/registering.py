@@ -36,6 +36,7 @@ Names = tuple[str, ...]
 STANDS_APART = (
     "shows nothing that the registered photos show; leave it out (`exclude`) or pick 8 points"
 )
+TOO_FEW = "a block needs three photos or more that overlap"
 
 
 def register_photos(
@@ -63,11 +64,12 @@ def register_photos(
             loose, registered = run.without_means, run.registered
             if len(registered) < len(loose):  # few would vouch for many
                 run.attend_together(loose, registered)
+        if run.asked == "block":
+            run.attend_as_block()
         if run.asked in (AUTO, "features"):
             run.attend_through_others()
-        if run.asked == AUTO and (
-            run.attend_by_agreement() or run.attend_together(run.newly_failed, run.registered)
-        ):
+        more = run.asked == AUTO and run.registered and run.attend_by_agreement()
+        if more or (run.asked == AUTO and run.attend_together(run.newly_failed, run.registered)):
             run.attend_through_others()
         if run.judge() and run.asked in (AUTO, "features"):
             run.attend_through_others()
@@ -89,8 +91,7 @@ class _Run:
     waiting: those without an outcome; shaken: those of them that were found through others before,
     so that their old cameras prove nothing; own: what came of what was tried before others were
     asked; places: the photos from whose place each was tried already; faulty: those that met a
-    fault, alone or in a block; disagreeing: those that were sought by agreement last; notes:
-    what the others say of each.
+    fault, alone or in a block; notes: what the others say of each.
     """
 
     def __init__(
@@ -115,7 +116,6 @@ class _Run:
         self.blocks: dict[str, tuple[str, ...]] = {}
         self.failed_with: dict[str, Evidence] = {}
         self.faulty: set[str] = set()
-        self.disagreeing: Names = ()
         self.notes: dict[str, str] = {}
 
     # --- what is known
@@ -183,11 +183,20 @@ class _Run:
             self.blocks[name] = names
             if name in anchors and found.fit is None:
                 self.doubt(name, found.reason)
-            elif found.fit is not None or name in self.outcomes:
-                self.attend(name, partial(attempts.as_placed, self.continued(name, found)))
+            elif found.fit is not None or name in self.outcomes or self.asked == "block":
+                self.go_on(name, found)
             else:
                 self.own[name] = found
         return any(found.fit is not None and found.fit.accepted for found in searches.values())
+
+    def attend_as_block(self) -> None:
+        """Place all photos without an outcome at once, since that was asked for."""
+        names = tuple(name for name in self.chosen if name in self.waiting)
+        anchors = {n: entry for n, entry in self.registered.items() if n not in self.waiting}
+        self.attend_together(names, anchors)
+        for name in names:
+            if name in self.waiting:
+                self.attend(name, partial(attempts.as_placed, Search(None, (TOO_FEW,), ("block",))))
 
     def doubt(self, name: str, reason: str) -> None:
         """The photo stays registered, but others do not bear it out: none is sought through it."""
@@ -196,13 +205,10 @@ class _Run:
         self.settle(PhotoOutcome(name, record, False, reason))
         self.keeper.add(record, trace or Trace(self.asked, (), (), {}))
 
-    def continued(self, name: str, found: Search) -> Search:
-        """A search after what was tried of the photo before."""
-        outcome, trace = self.outcomes.get(name), self.traces[name]
-        if outcome is None or trace is None:
-            return found
-        reasons = (outcome.reason, *found.refusals) if found.fit is None else ()
-        return replace(found, refusals=reasons, tried=(*trace.tried, *found.tried))
+    def go_on(self, name: str, found: Search) -> None:
+        """What several photos together said of one, after what was tried of it before."""
+        search = attempts.continued(found, self.outcomes.get(name), self.traces[name])
+        self.attend(name, partial(attempts.as_placed, search))
 
     def placed(
         self, names: Names, anchors: Mapping[str, CameraRecord], how: attempts.Placing
@@ -221,18 +227,13 @@ class _Run:
         return attempts.as_searches(told)
 
     def attend_by_agreement(self) -> bool:
-        """Bring photos that have failed from rough cameras to agree with each other on the surface;
-        returns whether one was found.
-        """
+        """Bring failed photos from rough cameras to agree; returns whether one was found."""
         names = tuple(n for n in self.newly_failed if self.job(n).starts_somewhere)
-        if not names or names == self.disagreeing:
-            return False
-        self.disagreeing = names
-        searches = self.placed(names, self.registered, attempts.by_agreement)
+        searches = self.placed(names, self.registered, attempts.by_agreement) if names else {}
         found = {n: s for n, s in searches.items() if s.fit is not None and s.fit.accepted}
         self.blocks |= dict.fromkeys(found, names)
         for name, search in found.items():
-            self.attend(name, partial(attempts.as_placed, self.continued(name, search)))
+            self.go_on(name, search)
         return bool(found)
 
     @property
@@ -241,9 +242,7 @@ class _Run:
         return tuple(n for n, o in self.outcomes.items() if attempts.is_new(o) and self.traces[n])
 
     def judge(self) -> bool:
-        """Ask the registered photos about the new ones; what they contradict is refused, and may be
-        found through them. Returns whether any was.
-        """
+        """Refuse the new photos that others contradict; returns whether there was one."""
         if not self.new or len(self.registered) < 2:
             return False
         found = attempts.judged(self.bench, self.registered, self.new)
@@ -263,8 +262,8 @@ class _Run:
             return
         what = attempts.told_rests_on(self.bench, self.registered)
         for name in self.new:
-            by_itself = self.entries[name].method != "features"
-            told = filter(None, [self.notes.get(name), what if by_itself else ""])
+            picked = self.entries[name].method == "points"
+            told = filter(None, [self.notes.get(name), what if picked else ""])
             self.note(name, {"rests_on": what} if what else {}, "; ".join(told))
 
     def note(self, name: str, proof: dict[str, Any], note: str) -> None:
@@ -277,7 +276,7 @@ class _Run:
 
     def attend_alone(self) -> None:
         """Photo by photo, by the method that was asked for or by the photo's own means."""
-        if self.asked == "features":
+        if self.asked in ("features", "block"):
             return
         for name in self.chosen if self.asked == AUTO else self.lineage.order:
             if name not in self.waiting:

@@ -138,9 +138,16 @@ def _facts(bench: Workbench, records: dict[str, CameraRecord]) -> dict[str, Any]
         "ignored": list(project.notes),
         "refinement": _refinement(project, records),
         "photos": photos,
-        "color": color and {**color, "files": list(color["outputs"])},
+        "color": color and _color_facts(color),
+        "provenance": (color or {}).get("provenance"),
+        "copyright": (color or {}).get("copyright", ""),
     }
     return {**facts, "verdict": verdict(facts)}
+
+
+def _color_facts(record: dict[str, Any]) -> dict[str, Any]:
+    shown = {key: record[key] for key in record if key not in ("provenance", "copyright")}
+    return {**shown, "files": list(record["outputs"])}
 
 
 def _refinement(project: Project, records: dict[str, CameraRecord]) -> str:

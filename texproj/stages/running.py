@@ -92,9 +92,10 @@ class RunOutcome:
 
 @dataclass(frozen=True)
 class StatusOutcome:
-    """Each item of each stage."""
+    """Each item of each stage, and what is known of the photos, in one sentence."""
 
     items: list[Freshness]
+    story: str = ""
 
     @property
     def tally(self) -> Tally:
@@ -104,10 +105,12 @@ class StatusOutcome:
         """For people."""
         for item in self.items:
             yield from item.lines()
+        if self.story:
+            yield self.story
 
     def as_dict(self) -> dict[str, Any]:
         """For --json."""
-        return {"items": [item.as_dict() for item in self.items]}
+        return {"items": [item.as_dict() for item in self.items], "story": self.story}
 
 
 def run_project(bench: Workbench, progress: Progress = silent) -> RunOutcome:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from texproj.records import PROOF, THROUGH
+from texproj.project import Project
+from texproj.records import DOUBTED, PROOF, THROUGH
+from texproj.stages.entries import is_refined
 from texproj.stages.outcomes import PhotoOutcome
 
 MOST_NAMED = 8
@@ -14,17 +17,30 @@ MOST_NAMED = 8
 
 
 def story(photos: Sequence[PhotoOutcome], refined: bool, left_out: Mapping[str, str]) -> str:
-    """How the photos were found, how exact they are, and which were left out and why, each named
-    once; empty if there is nothing to tell. left_out: reasons by photo; their first part is told.
+    """How the photos were found, how exact they are, which one others do not bear out, and which
+    were left out and why, each named once; empty if there is nothing to tell. left_out: reasons by
+    photo; their first part is told.
     """
     found = [photo for photo in photos if not photo.failed]
     parts = [*_blocks(found), *_others(found)]
     if refined and (errors := _errors_px(found)):
         parts.append(f"refined to {np.median(errors):.1f} px")
     parts += _rests_on(found)
+    doubted = [photo.name for photo in found if photo.record.quality.get(DOUBTED)]
+    if doubted:
+        parts.append(f"other photos do not bear out {_named(doubted)}")
     if left_out:
         parts.append(_left_out(left_out))
     return "; ".join(parts)
+
+
+def story_of(project: Project) -> str:
+    """The same of what stands in cameras.json."""
+    entries = project.load_cameras()
+    own = [entries[name] for name in project.photo_names if name in entries]
+    told = [PhotoOutcome(e.file, e, True, str(e.quality.get("reason") or "")) for e in own]
+    left_out = {photo.name: photo.reason for photo in told if photo.failed}
+    return story(told, any(is_refined(entry) for entry in own), left_out)
 
 
 def _blocks(found: Sequence[PhotoOutcome]) -> Iterator[str]:
@@ -32,14 +48,17 @@ def _blocks(found: Sequence[PhotoOutcome]) -> Iterator[str]:
     placed = [photo.record.quality for photo in found if photo.record.method == "block"]
     if not placed:
         return
+    yield f"{len(placed)} photos overlap; placed as one block on the scan ({_why_there(placed)})"
+
+
+def _why_there(placed: Sequence[Mapping[str, Any]]) -> str:
     sure = next((q for q in placed if "rival" in q), None)
     if sure is not None:
-        how = f"structure {sure['support']:.0%}, next best place {sure['rival']:.0%}"
-    elif any(THROUGH in quality for quality in placed):
-        how = "held by registered ones"
-    else:
-        how = "from rough cameras to where they agree with each other"
-    yield f"{len(placed)} photos overlap; placed as one block on the scan ({how})"
+        return f"structure {sure['support']:.0%}, next best place {sure['rival']:.0%}"
+    through = dict.fromkeys(name for q in placed for name in q.get(THROUGH, ()))
+    if not through:
+        return "from rough cameras to where they agree with each other"
+    return f"held by {_named([*through])}"
 
 
 def _others(found: Sequence[PhotoOutcome]) -> Iterator[str]:

@@ -26,25 +26,30 @@ from texproj.formats.models import (
     write_obj,
     write_pages,
     write_ply,
+    write_usdz,
 )
 from texproj.formats.models.images import IMAGE_SUFFIXES
 from texproj.mesh import ColoredMesh, Mesh, MeshSource, TexturedMesh, vertex_normals
 from texproj.options import ColorOptions, OutputOptions
 from texproj.photo import srgb_from_linear
+from texproj.provenance import NOTHING, Provenance
 from texproj.standing import Standing, standing
 
 STEM = "model"
-PLY, GLB, OBJ = "model.ply", "model.glb", "model.obj"
+PLY, GLB, OBJ, USDZ = "model.ply", "model.glb", "model.obj", "model.usdz"
 KTX2_SIZE = 4
 """Width and height of a page in KTX 2 are multiples of it (KHR_texture_basisu)."""
 
-Kind = Literal["ply", "glb", "obj"]
+Kind = Literal["ply", "glb", "obj", "usdz"]
+ON_REQUEST: frozenset[Kind] = frozenset({"usdz"})
+"""Kinds that models = ["auto"] leaves out."""
 
 
 @dataclass(frozen=True)
 class OutputPlan:
     """Which files are written, and how. obj_image, glb_image: formats of their pages; bits: per
-    channel, where a file can hold them; standing: how the scan stands.
+    channel, where a file can hold them; standing: how the scan stands; provenance: what the files
+    say of what made them.
     """
 
     models: tuple[Kind, ...]
@@ -53,6 +58,7 @@ class OutputPlan:
     bits: int
     options: OutputOptions
     standing: Standing
+    provenance: Provenance = NOTHING
 
 
 def output_plan(
@@ -62,10 +68,10 @@ def output_plan(
     cannot be written.
     """
     textured = color.to != "vertices"
-    possible: tuple[Kind, ...] = ("glb", "obj") if textured else ("ply", "glb")
+    possible: tuple[Kind, ...] = ("glb", "obj", "usdz") if textured else ("ply", "glb")
     asked: set[Kind] = {model for model in output.models if model != "auto"}
     if "auto" in output.models or not asked:
-        asked |= set(possible) if textured else {"ply"}
+        asked |= set(possible) - ON_REQUEST if textured else {"ply"}
         asked |= {"glb"} if color.bits == 16 else set()
     for model in sorted(asked - set(possible)):
         raise UsageError(
@@ -110,15 +116,17 @@ def write_vertices(
     The ply is the mesh as it was in its file; a vertex that the repair dropped has no color there:
     it is mid-gray. The glb is the repaired mesh with linear colors, not rounded.
     """
+    said = plan.provenance.lines
     normals = vertex_normals(source.mesh) if plan.options.normals else None
     if "ply" in plan.models:
         encoded = np.round(srgb_from_linear(colors.rgb) * 255).astype(np.uint8)
         rgb = _with_one_more(encoded, 128)[source.vertex_of_source]
         units = None if normals is None else _with_one_more(normals, 0)[source.vertex_of_source]
-        write_ply(folder / PLY, source.source_vertices, source.source_faces, rgb, units)
+        write_ply(folder / PLY, source.source_vertices, source.source_faces, rgb, units, said)
     if "glb" in plan.models:
         model = ColoredMesh(source.mesh.vertices, source.mesh.faces, colors.rgb, normals)
-        write_colored_glb(folder / GLB, model, plan.options.unlit, plan.standing)
+        shown = plan.options.unlit, plan.standing
+        write_colored_glb(folder / GLB, model, *shown, plan.provenance)
     return tuple(f"{STEM}.{kind}" for kind in plan.models)
 
 
@@ -137,11 +145,14 @@ def write_texture(folder: Path, mesh: Mesh, texture: Texture, plan: OutputPlan) 
     written: list[Path] = []
     with ThreadPoolExecutor(1) as beside:
         if "obj" in plan.models:
-            text = beside.submit(write_obj, folder / OBJ, model, images)
+            text = beside.submit(write_obj, folder / OBJ, model, images, plan.provenance.lines)
             write_pages(folder / STEM, model.pages, plan.obj_image, plan.options.quality)
         if "glb" in plan.models:
             _write_glb(folder, model, images, plan)
             written.append(folder / GLB)
+        if "usdz" in plan.models:
+            _write_usdz(folder, model, images, plan)
+            written.append(folder / USDZ)
         if "obj" in plan.models:
             written += [*text.result(), *images]
     return tuple(path.name for path in written)
@@ -155,7 +166,24 @@ def _write_glb(
     if plan.glb_image == "ktx2":
         model = padded(model, KTX2_SIZE)
     images = obj_images if shared else _glb_images(folder, model, plan)
-    write_glb(folder / GLB, model, images, plan.glb_image, plan.options.unlit, plan.standing)
+    shown = plan.glb_image, plan.options.unlit, plan.standing
+    write_glb(folder / GLB, model, images, *shown, plan.provenance)
+    for image in () if shared else images:
+        image.unlink()
+
+
+def _write_usdz(
+    folder: Path, model: TexturedMesh, obj_images: Sequence[Path], plan: OutputPlan
+) -> None:
+    """Write the usdz, which holds png and jpeg alone, with the images of the obj if they fit."""
+    kind: ImageFormat = "jpeg" if plan.obj_image == "jpeg" else "png"
+    shared = "obj" in plan.models and plan.obj_image == kind and plan.bits == 8
+    images = obj_images
+    if not shared:
+        pages = tuple(to_8_bit(page) for page in model.pages)
+        images = write_pages(folder / f"inside_{STEM}", pages, kind, plan.options.quality)
+    shown = plan.options.unlit, plan.standing
+    write_usdz(folder / USDZ, model, images, *shown, plan.provenance)
     for image in () if shared else images:
         image.unlink()
 

@@ -30,7 +30,7 @@ LEAST_POINTS = 30
 """Contradicting points of the smallest occluder: fewer are noise, a highlight, a window or a part
 of the scan that is off, which blending copes with."""
 
-DEEPEST = 0.012
+DEEPEST = 0.015
 """How thick an occluder is at its thickest, at least, part of the longer side: what is thinner is
 an edge that is off."""
 
@@ -43,11 +43,15 @@ TINT = 0.4
 PROOF = 0.75
 """Part of the judged points inside of a cut that must contradict."""
 
-GROWTH = 4.0
+RIM = 0.035
+"""How far from the mesh's outline an occluder reaches, at least, part of the longer side: beside
+the outline scans end too early or too late, and photos show what is behind."""
+
+GROWTH = 6.0
 """Largest ratio of the cut's area on the mesh to the contradicted area: beyond, it has run out."""
 
 ROUNDS = 3
-MARGIN = 0.005
+MARGIN = 0.008
 """By which a cut is widened, part of the longer side: the soft edge of what is cut out."""
 
 
@@ -97,7 +101,8 @@ def cut_out(picture: Bytes, on_mesh: Bools, told: Told) -> Bools | None:
     for number in range(1, count):
         core = parts == number
         if not hidden[core].all():
-            hidden |= _grown(picture, on_mesh, told, Seeds(core, seeds.safe))
+            cut = _grown(picture, told, Seeds(core, seeds.safe))
+            hidden |= cut if _proved(cut, on_mesh, told, seeds) else core
     margin_px = round(MARGIN * max(hidden.shape))
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * margin_px + 1,) * 2)
     return cv2.dilate(hidden.astype(np.uint8), kernel) > 0
@@ -113,6 +118,7 @@ def seeds_of(on_mesh: Bools, told: Told) -> Seeds:
     mostly = against > MAJORITY * total
     core, parts = np.zeros(on_mesh.shape, bool), (judged & mostly).astype(np.uint8)
     depth = cv2.distanceTransform(parts, cv2.DIST_L2, 5)
+    inwards = cv2.distanceTransform(on_mesh.astype(np.uint8), cv2.DIST_L2, 5)
     count, labels = cv2.connectedComponents(parts, connectivity=8)
     inside = labels[told.pixels(labels.shape)][told.against]
     for number in range(1, count):
@@ -120,7 +126,8 @@ def seeds_of(on_mesh: Bools, told: Told) -> Seeds:
         if np.count_nonzero(inside == number) < LEAST_POINTS:
             continue
         of_it = told.ratio[told.against][inside == number]
-        if depth[here].max() >= DEEPEST * longest and not only_light(of_it):
+        deep = depth[here].max() >= DEEPEST * longest and inwards[here].max() >= RIM * longest
+        if deep and not only_light(of_it):
             core |= here
     return Seeds(core, judged & (against < (1 - MAJORITY) * total))
 
@@ -144,9 +151,9 @@ def _density(shape: tuple[int, ...], told: Told, which: int, sigma_px: float) ->
     return cv2.GaussianBlur(image, (0, 0), sigma_px)
 
 
-def _grown(picture: Bytes, on_mesh: Bools, told: Told, seeds: Seeds) -> Bools:
-    """The occluder around one contradicted part; that part alone where the cut runs out of it."""
-    labels = np.full(on_mesh.shape, cv2.GC_PR_BGD, np.uint8)
+def _grown(picture: Bytes, told: Told, seeds: Seeds) -> Bools:
+    """The cut around one contradicted part."""
+    labels = np.full(seeds.core.shape, cv2.GC_PR_BGD, np.uint8)
     labels[seeds.safe] = cv2.GC_BGD
     labels[seeds.core] = cv2.GC_PR_FGD
     row, column = told.pixels(labels.shape)
@@ -159,13 +166,13 @@ def _grown(picture: Bytes, on_mesh: Bools, told: Told, seeds: Seeds) -> Bools:
     grown = ((labels == cv2.GC_FGD) | (labels == cv2.GC_PR_FGD)).astype(np.uint8)
     _, parts = cv2.connectedComponents(grown, connectivity=4)
     touching = np.bincount(parts[seeds.core], minlength=1)
-    kept = np.isin(parts, np.flatnonzero(touching[1:] > 0) + 1) & (grown > 0)
-    return kept if _proved(kept, on_mesh, told, seeds) else seeds.core
+    kept: Bools = np.isin(parts, np.flatnonzero(touching[1:] > 0) + 1) & (grown > 0)
+    return kept
 
 
 def _proved(cut: Bools, on_mesh: Bools, told: Told, seeds: Seeds) -> bool:
-    """Whether the cut holds what is contradicted and little else."""
+    """Whether the cut holds what is contradicted and little else. seeds: with all such parts."""
     inside = cut[told.pixels(cut.shape)]
     judged, against = int(inside.sum()), int(told.against[inside].sum())
-    grown, core = int((cut & on_mesh).sum()), int(seeds.core.sum())
+    grown, core = int((cut & on_mesh).sum()), int((seeds.core & cut).sum())
     return grown <= GROWTH * core and against >= PROOF * judged

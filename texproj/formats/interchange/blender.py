@@ -15,7 +15,8 @@ from texproj.formats.interchange.model import (
     Y_AND_Z_FLIPPED,
     Shot,
     Written,
-    five,
+    beyond_k3,
+    brown_terms,
     left_out,
     sentences,
 )
@@ -108,6 +109,6 @@ def _entry(shot: Shot) -> dict[str, object]:
 
 
 def _lost(k: Intrinsics) -> str:
-    named = dict(zip(("k1", "k2", "p1", "p2", "k3"), five(k.dist), strict=True))
-    higher = {f"dist[{i}]": v for i, v in enumerate(k.dist) if i > 4}
+    named = brown_terms(k)
+    higher = beyond_k3(k)
     return sentences([left_out({"fx - fy": k.fx - k.fy, **named, **higher})])

@@ -24,6 +24,7 @@ from texproj.formats.interchange.model import (
     SizeOf,
     Unusable,
     Written,
+    beyond_k3,
     five,
     left_out,
     lens,
@@ -170,7 +171,7 @@ def _camera(row: np.ndarray, size: tuple[int, int], where: str) -> Camera:
 def _lost(k: Intrinsics) -> str:
     _, _, p1, p2, k3 = five(k.dist)
     offset = {"cx - width/2": k.cx - k.width / 2, "cy - height/2": k.cy - k.height / 2}
-    higher = {f"dist[{i}]": v for i, v in enumerate(k.dist) if i > 4}
+    higher = beyond_k3(k)
     return sentences(
         [left_out({"fx - fy": k.fx - k.fy, **offset, "p1": p1, "p2": p2, "k3": k3, **higher})]
     )

@@ -27,7 +27,7 @@ from texproj.formats.interchange.model import (
     SizeOf,
     Unusable,
     Written,
-    five,
+    brown_terms,
     left_out,
     lens,
     numbers,
@@ -161,7 +161,7 @@ def _attributes(camera: Camera) -> dict[str, str]:
 
 
 def _lost(k: Intrinsics) -> str:
-    lost = left_out(dict(zip(("k1", "k2", "p1", "p2", "k3"), five(k.dist), strict=True)))
+    lost = left_out(brown_terms(k))
     off = max(abs(k.cx - k.width / 2), abs(k.cy - k.height / 2))
     moved = f"MeshLab's filters take the principal point as centered: up to {off:.1f} px off"
     return sentences([lost, moved if off > 0.5 else ""])

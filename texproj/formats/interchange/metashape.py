@@ -32,6 +32,7 @@ from texproj.formats.interchange.model import (
     SizeOf,
     Unusable,
     Written,
+    beyond_k3,
     five,
     left_out,
     lens,
@@ -234,4 +235,4 @@ def _write_sensor(sensors: ET.Element, number_: int, k: Intrinsics) -> None:
 
 
 def _lost(k: Intrinsics) -> str:
-    return left_out({f"dist[{i}]": v for i, v in enumerate(k.dist) if i > 4})
+    return left_out(beyond_k3(k))

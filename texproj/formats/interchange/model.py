@@ -165,6 +165,16 @@ def five(dist: Sequence[float]) -> tuple[float, float, float, float, float]:
     return k1, k2, p1, p2, k3
 
 
+def brown_terms(k: Intrinsics) -> dict[str, float]:
+    """k1 k2 p1 p2 k3 of a lens by name."""
+    return dict(zip(("k1", "k2", "p1", "p2", "k3"), five(k.dist), strict=True))
+
+
+def beyond_k3(k: Intrinsics) -> dict[str, float]:
+    """The further terms of a lens by name, which few formats have a place for."""
+    return {f"dist[{i}]": v for i, v in enumerate(k.dist) if i > 4}
+
+
 def left_out(terms: Mapping[str, float], threshold: float = 0.0) -> str:
     """A sentence about terms that a format has no place for; empty if none matters."""
     lost = [f"{name} = {value:.6g}" for name, value in terms.items() if abs(value) > threshold]

@@ -21,6 +21,7 @@ from texproj.formats.interchange.model import (
     SizeOf,
     Unusable,
     Written,
+    beyond_k3,
     five,
     left_out,
     lens,
@@ -126,7 +127,7 @@ def _written_lens(k: Intrinsics) -> dict[str, Any]:
 
 
 def _lost(k: Intrinsics) -> str:
-    higher = {f"dist[{i}]": v for i, v in enumerate(k.dist) if i > 4}
+    higher = beyond_k3(k)
     return left_out({"fx - fy": k.fx - k.fy, **higher})
 
 

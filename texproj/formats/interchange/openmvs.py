@@ -28,7 +28,8 @@ from texproj.formats.interchange.model import (
     SizeOf,
     Unusable,
     Written,
-    five,
+    beyond_k3,
+    brown_terms,
     left_out,
     lens,
     pose_at,
@@ -219,5 +220,5 @@ def _doubles(values: Array) -> bytes:
 
 
 def _lost(k: Intrinsics) -> str:
-    named = dict(zip(("k1", "k2", "p1", "p2", "k3"), five(k.dist), strict=True))
-    return left_out({**named, **{f"dist[{i}]": v for i, v in enumerate(k.dist) if i > 4}})
+    named = brown_terms(k)
+    return left_out({**named, **beyond_k3(k)})

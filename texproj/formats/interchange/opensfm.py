@@ -31,6 +31,7 @@ from texproj.formats.interchange.model import (
     SizeOf,
     Unusable,
     Written,
+    beyond_k3,
     five,
     left_out,
     lens,
@@ -159,4 +160,4 @@ def _camera(k: Intrinsics) -> dict[str, Any]:
 
 
 def _lost(k: Intrinsics) -> str:
-    return left_out({f"dist[{i}]": v for i, v in enumerate(k.dist) if i > 4})
+    return left_out(beyond_k3(k))

@@ -26,6 +26,7 @@ from texproj.formats.interchange.model import (
     SizeOf,
     Unusable,
     Written,
+    beyond_k3,
     five,
     left_out,
     lens,
@@ -276,5 +277,5 @@ def _internals(k: Intrinsics) -> dict[str, Any]:
 
 
 def _lost(k: Intrinsics) -> str:
-    higher = {f"dist[{i}]": v for i, v in enumerate(k.dist) if i > 4}
+    higher = beyond_k3(k)
     return sentences([left_out({"fx - fy": k.fx - k.fy, **higher})])

@@ -26,6 +26,7 @@ from texproj.formats.interchange.model import (
     SizeOf,
     Unusable,
     Written,
+    beyond_k3,
     five,
     left_out,
     lens,
@@ -99,7 +100,7 @@ def _sidecar(camera: Camera) -> bytes:
 
 def _lost(k: Intrinsics) -> str:
     _, _, p1, p2, _ = five(k.dist)
-    higher = {f"dist[{i}]": v for i, v in enumerate(k.dist) if i > 4}
+    higher = beyond_k3(k)
     return sentences([left_out(higher), TANGENTIAL if p1 or p2 else ""])
 
 

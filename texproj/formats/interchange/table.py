@@ -29,7 +29,8 @@ from texproj.formats.interchange.model import (
     SizeOf,
     Unusable,
     Written,
-    five,
+    beyond_k3,
+    brown_terms,
     left_out,
     lens,
     numbers,
@@ -160,6 +161,6 @@ def _three(row: dict[str, str], keys: Sequence[str], where: str) -> Array:
 def _lost(camera: Camera) -> str:
     k = camera.intrinsics
     offset = {"cx - width/2": k.cx - k.width / 2, "cy - height/2": k.cy - k.height / 2}
-    named = dict(zip(("k1", "k2", "p1", "p2", "k3"), five(k.dist), strict=True))
-    higher = {f"dist[{i}]": v for i, v in enumerate(k.dist) if i > 4}
+    named = brown_terms(k)
+    higher = beyond_k3(k)
     return sentences([left_out({"fx - fy": k.fx - k.fy, **offset, **named, **higher})])

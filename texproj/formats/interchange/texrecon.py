@@ -27,6 +27,7 @@ from texproj.formats.interchange.model import (
     SizeOf,
     Unusable,
     Written,
+    beyond_k3,
     five,
     left_out,
     lens,
@@ -124,5 +125,5 @@ def _lost(k: Intrinsics) -> str:
     lost = {"p1": p1, "p2": p2, "k3": k3}
     if not _centered(k):
         lost = {"k1": k1, "k2": k2, **lost}
-    higher = {f"dist[{i}]": v for i, v in enumerate(k.dist) if i > 4}
+    higher = beyond_k3(k)
     return sentences([left_out({**lost, **higher})])

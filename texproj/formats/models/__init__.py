@@ -1,4 +1,4 @@
-"""Writing colored models: ply and glb with vertex colors, obj and glb with textures."""
+"""Writing colored models: ply and glb with vertex colors, obj, glb and usdz with textures."""
 
 from texproj.formats.models.basis import require_basisu, write_ktx2
 from texproj.formats.models.glb import GlbImage, write_colored_glb, write_glb
@@ -12,6 +12,7 @@ from texproj.formats.models.images import (
 from texproj.formats.models.obj import write_obj
 from texproj.formats.models.ply import write_ply
 from texproj.formats.models.read import read_model, scan_from_node
+from texproj.formats.models.usdz import write_usdz
 
 __all__ = [
     "GlbImage",
@@ -28,4 +29,5 @@ __all__ = [
     "write_obj",
     "write_pages",
     "write_ply",
+    "write_usdz",
 ]

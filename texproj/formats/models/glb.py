@@ -13,6 +13,7 @@ from texproj.formats.models.binary import Document
 from texproj.formats.models.precision import single_is_enough
 from texproj.mesh import ColoredMesh, TexturedMesh
 from texproj.photo import linear_from_srgb
+from texproj.provenance import GENERATOR, NOTHING, Provenance
 from texproj.standing import Standing
 
 GlbImage = Literal["png", "jpeg", "webp", "ktx2"]
@@ -34,6 +35,7 @@ def write_glb(
     image_format: GlbImage = "png",
     unlit: bool = True,
     standing: Standing | None = None,
+    provenance: Provenance = NOTHING,
 ) -> None:
     """Write one node with a primitive, a material and an image per page of the texture.
 
@@ -42,7 +44,8 @@ def write_glb(
     from the middle of the model and the node is moved there. `unlit` shows the colors as they
     were photographed (KHR_materials_unlit), viewers without it light them. images: the files of
     the pages, 8 bits as the standard has it for colors; webp and ktx2 are marked as required,
-    there is no second copy for viewers without them. Raises OSError.
+    there is no second copy for viewers without them. `provenance` stands in the asset: copyright,
+    and its facts under extras.texproj. Raises OSError.
     """
     document = Document()
     offset = _offset(model.vertices)
@@ -53,6 +56,7 @@ def write_glb(
     if (model.page_of_face < 0).any():
         materials.append(_material(None, unlit))
     content = _content(path.stem, primitives, materials, offset, standing)
+    content["asset"] = _asset(provenance)
     if images:
         content |= _textures([document.view(image) for image in images], image_format)
     _declare(content, unlit, IMAGE_EXTENSIONS.get(image_format) if images else None)
@@ -60,7 +64,11 @@ def write_glb(
 
 
 def write_colored_glb(
-    path: Path, model: ColoredMesh, unlit: bool = True, standing: Standing | None = None
+    path: Path,
+    model: ColoredMesh,
+    unlit: bool = True,
+    standing: Standing | None = None,
+    provenance: Provenance = NOTHING,
 ) -> None:
     """The same with a color per vertex (COLOR_0): linear light as the standard has it, in float32,
     since programs misread 16-bit integers. The vertices stay in their order. Raises OSError.
@@ -76,6 +84,7 @@ def write_colored_glb(
     material = _material(None, unlit) | {"name": "vertex colors"}
     material["pbrMetallicRoughness"]["baseColorFactor"] = [1, 1, 1, 1]
     content = _content(path.stem, [primitive], [material], offset, standing)
+    content["asset"] = _asset(provenance)
     _declare(content, unlit, None)
     document.write(path, content)
 
@@ -102,13 +111,21 @@ def _content(
         turn = {"rotation": list(standing.rotation), "scale": [standing.metres] * 3}
         nodes = [{"name": UPRIGHT, "children": [1], **turn}, node]
     return {
-        "asset": {"version": "2.0", "generator": "texproj"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": nodes,
         "meshes": [{"primitives": primitives}],
         "materials": materials,
     }
+
+
+def _asset(provenance: Provenance) -> dict[str, Any]:
+    asset: dict[str, Any] = {"version": "2.0", "generator": GENERATOR}
+    if provenance.copyright:
+        asset["copyright"] = provenance.copyright
+    if provenance.facts:
+        asset["extras"] = {"texproj": dict(provenance.facts)}
+    return asset
 
 
 def _declare(content: dict[str, Any], unlit: bool, images: str | None) -> None:

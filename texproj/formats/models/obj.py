@@ -24,16 +24,20 @@ BLOCK = 1 << 14
 """Lines that are made at once: they fit the processor's cache."""
 
 
-def write_obj(path: Path, model: TexturedMesh, images: Sequence[Path]) -> list[Path]:
+def write_obj(
+    path: Path, model: TexturedMesh, images: Sequence[Path], comments: Sequence[str] = ()
+) -> list[Path]:
     """Write `path` and its .mtl beside it; returns both.
 
     images: the files of the pages, in the same folder. Faces are grouped by page, in their order
-    within each. Raises OSError.
+    within each. comments: lines at the head of both. Raises OSError.
     """
     materials = path.with_suffix(".mtl")
     untextured = bool((model.page_of_face < 0).any())
-    materials.write_text(_mtl([file.name for file in images], untextured), "utf-8")
+    head = "".join(f"# {' '.join(line.split())}\n" for line in comments)
+    materials.write_text(head + _mtl([file.name for file in images], untextured), "utf-8")
     with path.open("wb") as out:
+        out.write(head.encode())
         out.write(f"mtllib {materials.name}\n".encode())
         out.writelines(_columns(b"v", model.vertices, _coordinate_digits(model.vertices)))
         out.writelines(_columns(b"vt", model.uv, UV_DIGITS))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,11 +23,13 @@ def write_ply(
     faces: NDArray[np.int32],
     colors: NDArray[np.uint8] | NDArray[np.uint16] | None,
     normals: NDArray[np.float64] | None = None,
+    comments: Sequence[str] = (),
 ) -> None:
     """Write a mesh, with sRGB-encoded vertex colors if there are any, in the order given.
 
     vertices: (V, 3), written as double where single precision would move them; faces: (F, 3);
-    colors: (V, 3 or 4), uint8 for viewers (few read uint16), or None; normals: (V, 3) or None.
+    colors: (V, 3 or 4), uint8 for viewers (few read uint16), or None; normals: (V, 3) or None;
+    comments: lines of the head, where the format has no letters but those of ASCII.
     Raises OSError.
     """
     real = "f4" if single_is_enough(vertices) else "f8"
@@ -48,14 +50,21 @@ def write_ply(
     ]
     header = [
         "ply", "format binary_little_endian 1.0",
+        *(_comment(line) for line in comments),
         f"element vertex {len(vertices)}", *properties,
         f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header\n",
     ]  # fmt: skip
     with path.open("wb") as file:
-        file.write("\n".join(header).encode("ascii"))
+        file.write("\n".join(header).encode("ascii", "replace"))
         file.writelines(_rows([(values, f"<{kind}") for values, kind in columns.values()]))
         corners = np.broadcast_to(np.uint8(3), (len(faces), 1))
         file.writelines(_rows([(corners, "u1"), (faces, "<i4")]))
+
+
+def _comment(line: str) -> str:
+    """A line of the head; no word in it may look like the head's end, where readers stop."""
+    plain = line.replace("\u00a9", "(c)").replace("end_header", "end header")
+    return f"comment {' '.join(plain.split())}"
 
 
 def _rows(blocks: list[tuple[NDArray[Any], str]]) -> Iterator[bytes]:

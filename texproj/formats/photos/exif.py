@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
@@ -20,6 +21,8 @@ MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 
 LONGEST_BODY = 100
 """Characters of a camera's name."""
+LONGEST_RIGHTS = 300
+TAKEN = re.compile(r"(\d{4}):(\d\d):(\d\d) (\d\d):(\d\d):(\d\d)", re.ASCII)
 EXPOSURE_BOUNDS = (1e-9, 1e9)
 """Seconds, f-numbers and ISO values that a camera could write."""
 
@@ -27,6 +30,7 @@ FOCAL_AGREEMENT = 0.1
 """A 35 mm equivalent is rounded to whole millimetres and to a nominal sensor: 10 % at worst."""
 
 MAKE, MODEL, SERIAL = 271, 272, 0xA431
+ARTIST, COPYRIGHT, DATETIME_ORIGINAL = 315, 33432, 0x9003
 EXPOSURE_TIME, F_NUMBER, ISO = 0x829A, 0x829D, 0x8827
 FOCAL_MM, FOCAL_35MM = 0x920A, 0xA405
 PLANE_X_RESOLUTION, PLANE_UNIT = 0xA20E, 0xA210
@@ -139,6 +143,21 @@ def body_of(header: Described) -> str:
     if make and model.lower().startswith(make.lower()):
         make = ""
     return " ".join(part for part in (make, model, serial) if part)
+
+
+def rights_of(header: Described) -> tuple[str, str]:
+    """Copyright (photographer's and editor's, parted by a zero byte) and artist, one line each."""
+    copyright_, artist = (
+        " ".join(str(header.tags.get(tag) or "").replace("\0", " ").split())
+        for tag in (COPYRIGHT, ARTIST)
+    )
+    return excerpt(copyright_, LONGEST_RIGHTS), excerpt(artist, LONGEST_RIGHTS)
+
+
+def taken_of(header: Described) -> str:
+    """When the photo was taken, ISO 8601 without a zone as EXIF has it; empty if not told."""
+    found = TAKEN.fullmatch(str(header.exif.get(DATETIME_ORIGINAL) or "").strip(" \0"))
+    return f"{'-'.join(found.groups()[:3])}T{':'.join(found.groups()[3:])}" if found else ""
 
 
 def exposure_ev_of(header: Described) -> float | None:

@@ -18,6 +18,8 @@ from texproj.formats.photos.exif import (
     focal_px_of,
     quiet,
     read_or_none,
+    rights_of,
+    taken_of,
 )
 from texproj.formats.photos.exr import exr_stored
 from texproj.formats.photos.heif import MissingReaderError, avif_stored, brand_of, heic_stored
@@ -97,7 +99,7 @@ def read_photo_info(path: Path, largest_mp: float = LARGEST_PHOTO_MP) -> PhotoIn
         notes = ("no EXIF data: focal length and exposure are unknown",)
     return PhotoInfo(
         path.name, width, height, focal_px, body_of(header), exposure_ev_of(header),
-        (*header.notes, *notes), header.orientation,
+        (*header.notes, *notes), header.orientation, *rights_of(header), taken_of(header),
     )  # fmt: skip
 
 

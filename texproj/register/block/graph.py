@@ -44,6 +44,10 @@ class PhotoGraph:
         """How many points were matched between two photos, and verified."""
         return self.matches.get((min(a, b), max(a, b)), 0)
 
+    def knows(self, a: str, b: str) -> bool:
+        """Whether two photos were looked at together, whatever came of it."""
+        return {a, b} <= self.compared
+
     def stands_apart(self, name: str, others: Collection[str]) -> bool:
         """Whether a photo was compared with some of the others and shows hardly anything that one
         of them shows.

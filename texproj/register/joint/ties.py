@@ -10,12 +10,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.arrays import Doubles, Floats, Index
+from texproj.arrays import Floats, Index
 from texproj.camera import Camera, Intrinsics
 from texproj.opencv import FAR_OUTSIDE
 from texproj.render import GBuffer, ideal_grid
 from texproj.solve.joint import Ties
-from texproj.solve.matching import match_patches
 from texproj.solve.orientation import DARK, PRE_BLUR_PX, Field
 
 PATCH_PX = 15
@@ -87,19 +86,6 @@ def photo_view(
     return PhotoView(camera, gray, images, valid)
 
 
-def find_ties(i: int, j: int, views: Lookup, radius_px: int) -> TieSearch:
-    """Ties of photo j to photo i: j warped into i through the mesh, then patches sought in i."""
-    here, other = views[i], views[j]
-    there, shared = warped(here, other)
-    solid = cv2.erode(shared.astype(np.uint8), np.ones((2 * RIM_PX + 1,) * 2, np.uint8)) > 0
-    centers = corner_grid(here.corners, solid)
-    matches = match_patches(gradient_field(there), here.gradients, centers, PATCH_PX, radius_px)
-    good = matches.score >= LEAST_SCORE
-    x, y = centers[matches.patch[good]].T
-    ties = _ties(i, j, views, (x, y), matches.target_px[good])
-    return TieSearch(ties, len(centers))
-
-
 def gradient_field(gray: Floats) -> Field:
     """(h, w) complex: gradient of the logarithm, so that exposure does not matter."""
     smooth = cv2.GaussianBlur(np.log(gray + np.float32(DARK)), (0, 0), PRE_BLUR_PX)
@@ -109,21 +95,21 @@ def gradient_field(gray: Floats) -> Field:
     return out
 
 
-def corner_grid(corners: Floats, valid: NDArray[np.bool_]) -> Index:
+def corner_grid(corners: Floats, valid: NDArray[np.bool_], step_px: int = STEP_PX) -> Index:
     """(n, 2) x, y of the most corner-like valid pixel of each square of the grid, but for squares
     with less than half the structure of the median one (nothing there can be located).
     """
     strength = np.where(valid, corners, 0)
-    h, w = (n // STEP_PX * STEP_PX for n in corners.shape)
-    squares = strength[:h, :w].reshape(h // STEP_PX, STEP_PX, w // STEP_PX, STEP_PX)
-    cells = squares.transpose(0, 2, 1, 3).reshape(h // STEP_PX, w // STEP_PX, -1)
+    h, w = (n // step_px * step_px for n in corners.shape)
+    squares = strength[:h, :w].reshape(h // step_px, step_px, w // step_px, step_px)
+    cells = squares.transpose(0, 2, 1, 3).reshape(h // step_px, w // step_px, -1)
     best, where = cells.max(axis=2), cells.argmax(axis=2)
     used = best > 0
     if not used.any():
         return np.zeros((0, 2), np.intp)
     row, column = np.nonzero(best > 0.5 * np.median(best[used]))
-    inner_y, inner_x = np.divmod(where[row, column], STEP_PX)
-    return np.stack([column * STEP_PX + inner_x, row * STEP_PX + inner_y], axis=1)
+    inner_y, inner_x = np.divmod(where[row, column], step_px)
+    return np.stack([column * step_px + inner_x, row * step_px + inner_y], axis=1)
 
 
 def warped(here: PhotoView, other: PhotoView) -> tuple[Floats, NDArray[np.bool_]]:
@@ -153,21 +139,3 @@ def _pixels(k: Intrinsics, xyz_in_cam: NDArray[np.float32]) -> NDArray[np.float3
     at = ideal * np.array([k.fx, k.fy], np.float32) + np.array([k.cx, k.cy], np.float32) - 0.5
     seen = np.isfinite(at).all(axis=2, keepdims=True) & (xyz_in_cam[..., 2:] > 0)
     return np.where(seen, at, FAR_OUTSIDE).astype(np.float32)
-
-
-def _ties(i: int, j: int, views: Lookup, at: tuple[Index, Index], found_px: Doubles) -> Ties:
-    """Ties for the surface under the pixels `at` (x, y) of photo i, seen there in truth at
-    `found_px`. Surface that photo j sees at a grazing angle is left out.
-    """
-    here, other = views[i], views[j]
-    x, y = at
-    point = here.images.points(here.camera, y, x)
-    normal = here.images.require("normal")[y, x].astype(np.float64) @ here.camera.pose.R
-    in_other = other.camera.pose.apply(point)
-    ray = (point - other.camera.center) / np.linalg.norm(in_other, axis=1, keepdims=True)
-    slant = np.abs((normal * ray).sum(1))
-    n = len(x)
-    ideal = in_other[:, :2] / in_other[:, 2:]
-    source_px = other.camera.project(point)[0]
-    ties = Ties(np.full(n, i), np.full(n, j), found_px, source_px, ideal, point, normal)
-    return ties.at(slant > LEAST_SLANT)

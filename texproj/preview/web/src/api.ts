@@ -1,10 +1,11 @@
 // What the server knows and does; the only module that makes requests.
 
 import type { Camera, Vec2, Vec3 } from "./lens.ts";
+import type { Axis } from "./upright.ts";
 
 export interface PhotoFacts {
   name: string;
-  status: "none" | "broken" | "registered" | "prior" | "failed";
+  status: "none" | "broken" | "registered" | "prior" | "failed" | "excluded";
   width?: number;
   height?: number;
   method?: string | null;
@@ -14,6 +15,7 @@ export interface PhotoFacts {
   advice: string;
   picks: number;
   picks_error?: string;
+  mask?: boolean;
   notes?: string[];
   quality?: Record<string, number | string>;
   camera?: Camera;
@@ -39,6 +41,13 @@ export interface Facts {
   mesh: { key: string; file: string };
   photos: PhotoFacts[];
   models: Record<string, string | null>;
+  /** Photos that are left out of everything. */
+  excluded: string[];
+  /** What is made: vertices, texture or patches. */
+  to: string;
+  report: string | null;
+  /** The axis that a person chose to be up on this page. */
+  up: Axis | null;
   jobs: Job[];
 }
 
@@ -85,6 +94,46 @@ export interface Prediction extends Hit {
 export interface Proposal extends Prediction {
   photo: string;
   name: string;
+}
+
+export interface MaskFacts {
+  version: string;
+  file: string | null;
+  /** How many steps can be taken back. */
+  undo: number;
+}
+
+export interface Stroke {
+  base: string;
+  kind: "paint" | "erase" | "grow" | "clear" | "undo";
+  radius?: number;
+  points?: Vec2[];
+}
+
+export type SettingValue = string | number | boolean | string[] | null;
+
+export interface Setting {
+  key: string;
+  help: string;
+  kind: "choice" | "several" | "flag" | "number" | "integer" | "text";
+  choices?: (string | number)[];
+  least?: number | null;
+  most?: number | null;
+  value: SettingValue;
+  default: SettingValue;
+  /** Whether it stands in project.toml. */
+  given: boolean;
+}
+
+export interface SettingsTable {
+  name: string;
+  help: string;
+  options: Setting[];
+}
+
+export interface SettingsForm {
+  version: string;
+  tables: SettingsTable[];
 }
 
 export interface Pack {
@@ -157,6 +206,35 @@ export const proposals = (photo: string, camera: Camera, error_px: number, list:
 
 export const predict = (photo: string, camera: Camera, given: { uv: Vec2 } | { xyz: Vec3 }) =>
   json<Prediction | null>(demand(photoPath(photo, "predict"), sending("POST", { camera, ...given })));
+
+export const partners = (photo: string) => json<{ photos: string[] }>(demand(photoPath(photo, "partners")));
+
+export const leaveOut = (photo: string, excluded: boolean) => demand(photoPath(photo, "excluded"), sending("PUT", { excluded }));
+
+export const rememberUp = (axis: string) => demand("/api/up", sending("PUT", { axis }));
+
+export const mask = (photo: string) => json<MaskFacts>(demand(photoPath(photo, "mask")));
+
+export const drawMask = (photo: string, stroke: Stroke) =>
+  json<MaskFacts>(demand(photoPath(photo, "mask"), sending("POST", stroke)));
+
+/** The mask, black where the photo is never used; null where all of it is. */
+export async function maskPicture(photo: string): Promise<ImageBitmap | null> {
+  const answer = await demand(photoPath(photo, "mask/picture"));
+  return answer.status === 204 ? null : createImageBitmap(await answer.blob());
+}
+
+export const settings = () => json<SettingsForm>(demand("/api/settings"));
+
+/** Write changes of the settings of version `base`; `conflict` tells that they had changed meanwhile. */
+export async function changeSettings(
+  base: string,
+  changes: { table: string; key: string; value: SettingValue }[],
+): Promise<{ form: SettingsForm; conflict: boolean }> {
+  const answer = await request("/api/settings", sending("PATCH", { base, changes }));
+  if (!answer.ok && answer.status !== 409) throw await refusalOf(answer);
+  return { form: (await answer.json()) as SettingsForm, conflict: answer.status === 409 };
+}
 
 /** Save picks edited from version `base`; `conflict` tells that the file had changed meanwhile. */
 export async function savePicks(

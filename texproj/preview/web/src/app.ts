@@ -3,6 +3,7 @@
 import * as THREE from "three";
 import * as api from "./api.ts";
 import { byId } from "./dom.ts";
+import { Edits } from "./edits.ts";
 import { Home } from "./home.ts";
 import type { Host } from "./host.ts";
 import { LayerLoader, showLegend } from "./layers.ts";
@@ -11,7 +12,10 @@ import { lockButtons, notice, runningJob, showJob } from "./notice.ts";
 import { loadTexture } from "./overlay.ts";
 import type { Look } from "./panel.ts";
 import { LAYERS, viewPanel } from "./panel.ts";
-import { showPhotos, worstFirst } from "./photolist.ts";
+import { PhotoList, worstFirst } from "./photolist.ts";
+import { MaskMode } from "./maskmode.ts";
+import { maskPanel } from "./maskpanel.ts";
+import { download, modelSection } from "./modelpanel.ts";
 import { PickHands } from "./pickhands.ts";
 import { PickMode } from "./pickmode.ts";
 import { pickPanel } from "./pickpanel.ts";
@@ -29,6 +33,9 @@ export class App implements Host {
   readonly home = new Home(this.viewport);
   readonly picking = new PickMode(this);
   readonly hands = new PickHands(this.picking);
+  readonly masks = new MaskMode(this, this.picking.pane);
+  private readonly list = new PhotoList(() => this.show());
+  private readonly edits = new Edits(this);
   private readonly loader = new LayerLoader(this.viewport.surface);
   private meshKey = "";
   private refreshing: Promise<void> | null = null;
@@ -80,10 +87,12 @@ export class App implements Host {
   }
 
   choose(photo: api.PhotoFacts): void {
-    if (this.mode === "pick") {
-      if (photo.status !== "broken" && photo.name !== this.chosen) void this.pick(photo);
+    if (this.mode !== "view" && photo.width) {
+      if (photo.name === this.chosen) return;
+      void (this.mode === "pick" ? this.pick(photo) : this.mask(photo));
       return;
     }
+    void this.edits.findSeenAlso(photo);
     if (photo.camera) this.view(photo);
     else {
       this.chosen = photo.name;
@@ -94,7 +103,7 @@ export class App implements Host {
 
   /** Fly into a photo. */
   view(photo: api.PhotoFacts): void {
-    if (this.mode === "pick") this.picking.leave();
+    this.leaveMode();
     this.chosen = photo.name;
     if (this.look.layer === "weights") void this.setLayer("weights");
     this.viewport.enterPhoto(photo.camera!);
@@ -108,7 +117,33 @@ export class App implements Host {
     this.show();
   }
 
+  /** Leave picking or painting. */
+  private leaveMode(): void {
+    if (this.mode === "pick") this.picking.leave();
+    if (this.mode === "mask") this.masks.leave();
+  }
+
+  /** Paint the mask of a photo. */
+  async mask(photo: api.PhotoFacts): Promise<void> {
+    if (this.mode === "pick") this.picking.leave();
+    this.chosen = photo.name;
+    this.viewport.exitPhoto();
+    document.body.dataset.mode = "mask";
+    await this.masks.enter(photo);
+    this.show();
+  }
+
+  private async leaveOut(photo: api.PhotoFacts, out: boolean): Promise<void> {
+    if (this.chosen === photo.name) {
+      this.leaveMode();
+      this.viewport.exitPhoto();
+      this.chosen = null;
+    }
+    await this.edits.leaveOut(photo, out);
+  }
+
   async pick(photo: api.PhotoFacts): Promise<void> {
+    if (this.mode === "mask") this.masks.leave();
     this.chosen = photo.name;
     this.viewport.exitPhoto();
     document.body.dataset.mode = "pick";
@@ -125,7 +160,7 @@ export class App implements Host {
 
   /** Everything was made: show the model, and say what it is made of. */
   async madeModel(job: api.Job): Promise<void> {
-    if (this.mode === "pick") this.picking.leave();
+    this.leaveMode();
     this.viewport.exitPhoto();
     await this.refresh();
     await this.setLayer(this.bestLayer());
@@ -185,7 +220,7 @@ export class App implements Host {
     const layers: Layer[] = facts ? ["shaded", "normals", "ao"] : [];
     if (facts?.models["model.ply"]) layers.push("color");
     if (facts?.models["model.glb"]) layers.push("texture");
-    if (facts?.photos.some((photo) => photo.status === "registered")) layers.push("coverage", "source");
+    if (facts?.photos.some((photo) => photo.status === "registered")) layers.push("mean", "coverage", "source");
     if (this.photo ? this.photo.status === "registered" : layers.includes("source")) layers.push("weights");
     return new Set(layers);
   }
@@ -208,7 +243,9 @@ export class App implements Host {
   /** Draw lists and panels from what is known. */
   show(): void {
     if (!this.facts) return;
-    showPhotos(this.facts.photos, this.chosen, this.look.layer === "source", {
+    const out = this.facts.excluded.map((name): api.PhotoFacts => ({ name, status: "excluded", advice: "", picks: 0 }));
+    this.list.show([...this.facts.photos, ...out], this.chosen, this.look.layer === "source", {
+      leaveOut: (photo, left) => void this.leaveOut(photo, left),
       view: (photo) => this.view(photo),
       pick: (photo) => void this.pick(photo),
       choose: (photo) => this.choose(photo),
@@ -225,7 +262,7 @@ export class App implements Host {
     lockButtons();
     const inPhoto = this.viewport.photoCamera !== null;
     byId("model-title").textContent = inPhoto && this.mode === "view" ? `Through ${this.chosen}` : "";
-    byId("wipe").hidden = !inPhoto || this.mode === "pick";
+    byId("wipe").hidden = !inPhoto || this.mode !== "view";
     this.viewport.frustums.mark(this.chosen, null);
     showLegend(this.look.layer, this.loader.span);
     this.viewport.invalidate();
@@ -235,17 +272,30 @@ export class App implements Host {
     const parts =
       this.mode === "pick"
         ? pickPanel(this.picking)
-        : viewPanel(this.look, this.wanted, this.home.up, this.available(), this.photo, this.viewport.photoCamera !== null, {
+        : this.mode === "mask"
+        ? maskPanel(this.masks, this)
+        : viewPanel(this.look, this.wanted, this.home.up, this.available(), this.photo, this.viewport.photoCamera !== null, this.edits.seenAlso(this.chosen), {
             change: (part) => this.change(part),
             exitPhoto: () => this.exitPhoto(),
             setUp: (axis) => {
               this.home.setUp(axis);
+              void this.edits.rememberUp(axis);
               this.show();
             },
             roll: (degrees) => this.viewport.roll((degrees * Math.PI) / 180),
             pick: (photo) => void this.pick(photo),
+            mask: (photo) => void this.mask(photo),
+            viewNamed: (name) => this.choose(this.facts!.photos.find((photo) => photo.name === name)!),
           });
+    if (this.mode === "view") parts.push(this.modelPart());
     byId("panel").replaceChildren(...parts);
+  }
+
+  private modelPart(): HTMLElement {
+    return modelSection(this.facts!, {
+      make: (to) => void this.edits.makeTo(to),
+      takePicture: () => void download(this.viewport.picture(), `${this.facts!.name}.png`),
+    });
   }
 
   applyLook(): void {
@@ -265,6 +315,7 @@ export class App implements Host {
   private async load(): Promise<void> {
     const first = this.facts === null;
     this.facts = await api.facts();
+    this.edits.forget();
     this.title();
     if (this.facts.mesh.key !== this.meshKey) await this.loadMesh();
     const { surface, frustums } = this.viewport;

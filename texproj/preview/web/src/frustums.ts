@@ -17,9 +17,13 @@ const DEPTH = 0.09;
 export class Frustums {
   readonly group = new THREE.Group();
   private readonly items = new Map<string, Frustum>();
+  private key = "";
 
   /** One pyramid for each photo with a camera. */
   set(photos: PhotoFacts[], center: THREE.Vector3, radius: number, redraw: () => void): void {
+    const key = JSON.stringify([photos.map(({ name, weak, camera }) => camera && [name, weak, camera]), center, radius]);
+    if (key === this.key) return;
+    this.key = key;
     for (const item of this.items.values()) item.dispose();
     this.items.clear();
     const cameras = photos.filter((photo) => photo.camera);

@@ -28,7 +28,7 @@ export function connect(app: App): void {
   connectWipe(app);
   addEventListener("keydown", (event) => {
     if (typing(event) || event.defaultPrevented) return;
-    const used = app.mode === "pick" ? app.hands.key(event) : key(app, event);
+    const used = app.mode === "pick" ? app.hands.key(event) : app.mode === "mask" ? app.masks.key(event) : key(app, event);
     if (used) event.preventDefault();
   });
   byId("do-help").addEventListener("click", showHelp);
@@ -77,7 +77,7 @@ function key(app: App, event: KeyboardEvent): boolean {
   else if ((event.key === "[" || event.key === "]") && !inPhoto) app.viewport.roll(event.key === "[" ? -ROLL_RAD : ROLL_RAD);
   else if (event.key === "c") toggleCameras(app);
   else if (event.key === "p" && app.photo) void app.pick(app.photo);
-  else if (/^[1-8]$/.test(event.key)) app.layerByNumber(Number(event.key));
+  else if (/^[1-9]$/.test(event.key)) app.layerByNumber(Number(event.key));
   else return false;
   return true;
 }

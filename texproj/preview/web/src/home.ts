@@ -8,14 +8,14 @@ import { axisOf, guessedUp, vectorOf } from "./upright.ts";
 import type { Viewport } from "./viewport.ts";
 
 export class Home {
-  /** Under which the upward axis is remembered by this browser. */
-  private key = "";
+  /** The upward axis that a person chose. */
+  private chosen: Axis | null = null;
 
   constructor(private readonly viewport: Viewport) {}
 
   /** Look from where the photos were taken, with their upper side up; else at the front. */
   go(facts: Facts, viewable: PhotoFacts[]): void {
-    this.key = `up of ${facts.name} ${facts.mesh.key}`;
+    this.chosen = facts.up;
     const { center: middle, radius, front } = this.viewport.surface;
     const cameras = viewable.map((photo) => photo.camera!);
     const eyes = cameras.map((camera) => new THREE.Vector3(...center(camera)).sub(middle));
@@ -30,17 +30,16 @@ export class Home {
 
   /** Up as a person chose it, else as the photos were held, else as the surface stands. */
   private firstUp(cameras: PhotoFacts["camera"][]): THREE.Vector3 {
-    const chosen = localStorage.getItem(this.key) as Axis | null;
-    if (chosen) return new THREE.Vector3(...vectorOf(chosen));
+    if (this.chosen) return new THREE.Vector3(...vectorOf(this.chosen));
     const up = new THREE.Vector3();
     for (const camera of cameras) up.sub(new THREE.Vector3(...camera!.R[1]));
     if (up.length() > 0.1) return up.normalize();
     return new THREE.Vector3(...vectorOf(guessedUp(this.viewport.surface.front)));
   }
 
-  /** Stand the model on another side, now and whenever this browser shows it. */
+  /** Stand the model on another side. */
   setUp(axis: Axis): void {
-    localStorage.setItem(this.key, axis);
+    this.chosen = axis;
     this.viewport.turnUp(new THREE.Vector3(...vectorOf(axis)));
   }
 

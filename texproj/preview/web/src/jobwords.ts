@@ -15,6 +15,7 @@ const STAGES: Record<string, string> = {
   occluders: "looking for what stands in front",
   color: "coloring the model",
   report: "writing the report",
+  "comparing photos": "comparing photos with each other",
 };
 
 /** How far a job is: "finding the cameras, photo 3 of 11, about 40 s left". */
@@ -30,6 +31,7 @@ export function jobWords(job: Job): string {
 function countWords({ stage, done, total }: Job): string {
   if (total < 2) return "";
   if (stage === "register" || stage === "features") return `photo ${Math.min(done + 1, total)} of ${total}`;
+  if (stage === "refine") return `round ${Math.min(done + 1, total)} of at most ${total}`;
   return `${Math.round((done / total) * 100)} %`;
 }
 

@@ -22,6 +22,7 @@ export class LayerLoader {
   /** Bring in what `layer` needs. photo, factor: whose weights, and what of them. */
   async load(layer: Layer, facts: api.Facts, photo: string | null, factor: string): Promise<void> {
     if (layer === "color") await this.loadColors(facts.models["model.ply"]);
+    else if (layer === "mean") await this.loadMean(versionOf(facts));
     else if (layer === "texture") await this.loadTexture(facts.models["model.glb"]);
     else if (layer === "weights") await this.loadValues(factor, versionOf(facts), photo);
     else if (layer === "ao" || layer === "coverage" || layer === "source") {
@@ -34,6 +35,14 @@ export class LayerLoader {
     const pack = await api.pack("/api/colors");
     this.surface.setColors(pack!.arrays.rgba as Uint8Array);
     this.colors = version;
+  }
+
+  /** The colors of the light mesh come with those of the full one. */
+  private async loadMean(version: string): Promise<void> {
+    if (this.colors === `mean ${version}`) return;
+    const pack = await api.pack("/api/colors/mean");
+    this.surface.setColors(pack!.arrays.rgba as Uint8Array);
+    this.colors = `mean ${version}`;
   }
 
   private async loadTexture(version: string | null): Promise<void> {
@@ -81,6 +90,7 @@ export function showLegend(layer: Layer, span: number): void {
   const unseen = el("div", {}, el("span", {}, el("span", { class: "hatch" }), "no photo sees it"));
   const rows: Partial<Record<Layer, () => Node[]>> = {
     color: () => [unseen],
+    mean: () => [el("div", {}, "Doubled edges: a photo is off"), unseen],
     coverage: () => [rampBar(), ends("1 photo", `${Math.round(span)} photos`), unseen],
     weights: () => [rampBar(), ends("counts little", "counts fully"), unseen],
     source: () => [el("div", {}, "Colors: see the list of photos"), unseen],

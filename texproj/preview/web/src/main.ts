@@ -7,6 +7,7 @@ import { byId } from "./dom.ts";
 import { connect } from "./gestures.ts";
 import * as lens from "./lens.ts";
 import { MAKING, tabTitle } from "./jobwords.ts";
+import { showSettings } from "./settings.ts";
 import { hideJob, notice, runningJob, showJob } from "./notice.ts";
 
 const app = new App();
@@ -40,6 +41,7 @@ api.listen({
   },
   files(changed) {
     app.picking.onFiles(changed);
+    app.masks.onFiles(changed);
     void app.refresh();
   },
   light() {
@@ -53,6 +55,9 @@ for (const kind of ["run", "register", "color"]) {
 for (const button of byId("stages").querySelectorAll("button")) {
   button.addEventListener("click", () => byId("stages").hidePopover());
 }
+byId("do-settings").addEventListener("click", () => {
+  showSettings(() => void app.refresh()).catch((error: unknown) => app.complain(error));
+});
 addEventListener("focus", () => title(false));
 
 /** The tab tells how far the work is, and that it is done while nobody looked. */

@@ -26,6 +26,7 @@ export const LAYERS: { layer: Layer; name: string; what: string }[] = [
   { layer: "coverage", name: "Coverage", what: "How many photos see the surface" },
   { layer: "source", name: "Source", what: "Which photo counts most" },
   { layer: "weights", name: "Weights", what: "How much the chosen photo counts" },
+  { layer: "mean", name: "Mean", what: "The plain mean of all photos: what is off shows as doubled edges" },
 ];
 
 /** What a photo's weight is made of; the first is all of it but what depends on other photos. */
@@ -48,15 +49,17 @@ export interface PanelActions {
   pick(photo: PhotoFacts): void;
   setUp(axis: Axis): void;
   roll(degrees: number): void;
+  mask(photo: PhotoFacts): void;
+  viewNamed(name: string): void;
 }
 
 export function viewPanel(
-  look: Look, wanted: Layer, up: Axis, available: Set<Layer>, photo: PhotoFacts | null, inPhoto: boolean, act: PanelActions,
+  look: Look, wanted: Layer, up: Axis, available: Set<Layer>, photo: PhotoFacts | null, inPhoto: boolean, seenIn: string[], act: PanelActions,
 ): HTMLElement[] {
   const parts = [layerSection(look, wanted, available, act), toneSection(look, act)];
   if (!inPhoto) parts.push(uprightSection(up, act));
   if (look.layer === "shaded") parts.push(lightSection(look, act));
-  if (photo) parts.unshift(photoSection(look, photo, inPhoto, act));
+  if (photo) parts.unshift(photoSection(look, photo, inPhoto, seenIn, act));
   return parts;
 }
 
@@ -158,10 +161,13 @@ function lightPad(look: Look, act: PanelActions): HTMLElement {
   return pad;
 }
 
-function photoSection(look: Look, photo: PhotoFacts, inPhoto: boolean, act: PanelActions): HTMLElement {
+function photoSection(look: Look, photo: PhotoFacts, inPhoto: boolean, seenIn: string[], act: PanelActions): HTMLElement {
   const percent = (value: number) => `${Math.round(value * 100)} %`;
   const pick = el("button", { type: "button", onclick: () => act.pick(photo) }, "Pick points");
-  if (!inPhoto) return section(photo.name, facts(photo), el("div", { class: "button-row" }, pick));
+  const mask = el("button", { type: "button", class: "mask", onclick: () => act.mask(photo) }, photo.mask ? "Edit the mask" : "Paint a mask");
+  const others = seenIn.length ? [seenAlso(seenIn, act)] : [];
+  if (photo.status === "broken" || photo.status === "excluded") return section(photo.name, facts(photo));
+  if (!inPhoto) return section(photo.name, facts(photo), ...others, el("div", { class: "button-row" }, pick, mask));
   const leave = el("button", { type: "button", onclick: () => act.exitPhoto() }, "Leave photo");
   return section(
     photo.name,
@@ -169,8 +175,15 @@ function photoSection(look: Look, photo: PhotoFacts, inPhoto: boolean, act: Pane
     slider("Photo over model", { min: 0, max: 1, step: 0.01, value: look.opacity }, percent, (opacity) => act.change({ opacity })),
     slider("Wipe", { min: 0, max: 1, step: 0.001, value: look.wipe }, percent, (wipe) => act.change({ wipe })),
     el("p", { class: "hint" }, el("kbd", {}, "Space"), " blinks photo and model"),
-    el("div", { class: "button-row" }, leave, pick),
+    ...others,
+    el("div", { class: "button-row" }, leave, pick, mask),
   );
+}
+
+/** The photos that show the same, most of it first. */
+function seenAlso(names: string[], act: PanelActions): HTMLElement {
+  const links = names.map((name) => el("button", { type: "button", class: "quiet", onclick: () => act.viewNamed(name) }, name));
+  return el("div", { class: "seen-also" }, el("span", { class: "hint" }, "Seen also in "), ...links);
 }
 
 function facts(photo: PhotoFacts): HTMLElement {

@@ -5,6 +5,7 @@ import { byId } from "./dom.ts";
 import type { Vec2 } from "./lens.ts";
 
 const MAX_SCALE = 60;
+const LAYER_ALPHA = 0.55;
 /** Screen pixels per photo pixel from which single pixels are shown as squares. */
 const SQUARES_FROM = 4;
 
@@ -15,7 +16,10 @@ export class PhotoPane {
   /** Photo pixel in the middle of the pane. */
   middle: Vec2 = [0, 0];
   onMove: () => void = () => undefined;
-  onDraw: () => void = () => undefined;
+  /** Called after the photo was drawn. */
+  readonly drawn: (() => void)[] = [];
+  /** Drawn over the photo, half transparent: its mask. */
+  layer: HTMLCanvasElement | null = null;
   private image: ImageBitmap | null = null;
   private photo = "";
   private photoSize: Vec2 = [1, 1];
@@ -104,7 +108,7 @@ export class PhotoPane {
     requestAnimationFrame(() => {
       this.queued = false;
       this.draw();
-      this.onDraw();
+      for (const act of this.drawn) act();
     });
   }
 
@@ -148,5 +152,9 @@ export class PhotoPane {
     context.imageSmoothingEnabled = !(sharp && scale >= SQUARES_FROM);
     context.imageSmoothingQuality = "high";
     context.drawImage(this.image, 0, 0, ...this.photoSize);
+    if (!this.layer) return;
+    context.globalAlpha = LAYER_ALPHA;
+    context.drawImage(this.layer, 0, 0, ...this.photoSize);
+    context.globalAlpha = 1;
   }
 }

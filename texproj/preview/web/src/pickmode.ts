@@ -45,7 +45,7 @@ export class PickMode {
   private busy = false;
 
   constructor(readonly app: Host) {
-    this.pane.onDraw = () => this.marks.drawPhoto();
+    this.pane.drawn.push(() => this.marks.drawPhoto());
     this.pane.onMove = () => this.linkModel();
     app.viewport.onFrame = () => this.marks.drawModel();
     app.viewport.onResize = () => this.linkModel();

@@ -18,7 +18,7 @@ function stateSection(mode: PickMode): HTMLElement {
   const { kind, words } = verdict(mode);
   const count = mode.picks.filter(isPair).length;
   const others = settled(mode) && mode.photo?.status === "registered" ? mode.app.unregistered : 0;
-  const solve = el("button", { type: "button", class: "main", id: "solve", "data-starts": "solve", "data-busy": "Solving\u2026", onclick: () => void mode.solve() }, "Solve camera");
+  const solve = el("button", { type: "button", class: others ? "" : "main", id: "solve", "data-starts": "solve", "data-busy": "Solving\u2026", onclick: () => void mode.solve() }, "Solve camera");
   solve.dataset.off = String(count < 4);
   const leave = el("button", { type: "button", id: "leave-pick", onclick: () => mode.leave() }, "Done");
   return section(

@@ -14,6 +14,8 @@ test("stage, photo and time", () => {
   assert.equal(jobWords(JOB), "Make the model: finding the cameras, photo 3 of 11, about 40 s left");
   assert.equal(jobWords({ ...JOB, stage: "refine", done: 0, total: 1, item: "", left_s: null }),
     "Make the model: refining all cameras together");
+  assert.equal(jobWords({ ...JOB, stage: "refine", done: 1, total: 10, item: "round 2", left_s: 40 }),
+    "Make the model: refining all cameras together, round 2 of at most 10, about 40 s left");
   assert.equal(jobWords({ ...JOB, stage: "color", done: 5, total: 20, item: "", left_s: 300 }),
     "Make the model: coloring the model, 25 %, about 5 min left");
 });

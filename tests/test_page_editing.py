@@ -1,0 +1,163 @@
+"""The page changes what the folder holds: photos left out, masks, settings; and gives it away."""
+
+import shutil
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from browsing import enter, opened, row, settle, until
+from preview_project import HEIGHT, WIDTH, running
+
+from texproj.project import Project
+
+PHOTO = "0001.png"
+
+
+@pytest.fixture
+def root(page_template, tmp_path):
+    """A fresh copy of the project."""
+    return Path(shutil.copytree(page_template, tmp_path / "blocks"))
+
+
+@pytest.fixture
+def page(browser, root):
+    with running(root) as home, opened(browser, home) as found:
+        yield found
+
+
+def test_a_photo_is_left_out_and_taken_back(root, page):
+    """project.toml keeps its comments; the photo stays in the list under its filter."""
+    (root / "project.toml").write_text("# my settings\n[color] # how\nbits = 8\n")
+    row(page, PHOTO).click()
+    row(page, PHOTO).locator(".leave-out").click()
+    until(page, f"texproj.facts.excluded.includes('{PHOTO}')")
+    assert PHOTO not in Project.open(root).photo_names
+    assert "# my settings" in (root / "project.toml").read_text()
+    page.get_by_label("Which photos").select_option("out")
+    assert page.locator(".photo").count() == 1
+    row(page, PHOTO).click()
+    row(page, PHOTO).get_by_role("button", name="Take it back").click()
+    until(page, "texproj.facts.excluded.length === 0")
+
+    assert PHOTO in Project.open(root).photo_names
+    assert page.get_by_text("No photo is like that.").is_visible()
+
+
+def test_the_list_is_searched_and_sorted(page):
+    """By a part of the name; by name; by error, the largest first."""
+    names = "[...document.querySelectorAll('.photo')].map(item => item.dataset.photo)"
+    page.get_by_label("Order of photos").select_option("name")
+    assert page.evaluate(names) == sorted(page.evaluate(names))
+    page.get_by_label("Order of photos").select_option("error")
+    assert page.evaluate(names)[:2] == ["0002.png", "0001.png"]
+    page.get_by_label("Search photos").fill("3")
+
+    assert page.evaluate(names) == ["0003.png"]
+
+
+def stroke(page, points):
+    """Drag over pixels of the photo."""
+    box = page.locator("#photo-canvas").bounding_box()
+    places = [
+        page.evaluate("uv => texproj.picking.pane.toScreen(uv)", list(point)) for point in points
+    ]
+    for k, (x, y) in enumerate(places):
+        page.mouse.move(box["x"] + x, box["y"] + y, steps=1 if k == 0 else 4)
+        if k == 0:
+            page.mouse.down()
+    page.mouse.up()
+
+
+def painted(page, undo):
+    until(page, f"!texproj.masks.busy && texproj.masks.facts?.undo === {undo}")
+
+
+def mask_on_disk(root):
+    return cv2.imread(str(root / "masks" / "0001.png"), cv2.IMREAD_UNCHANGED)
+
+
+def test_a_mask_is_painted_grown_and_undone(root, page):
+    """What is dragged over is 0 in masks/, the overlay shows it, Undo brings back no mask."""
+    row(page, PHOTO).click()
+    page.get_by_role("button", name="Paint a mask").click()
+    until(page, "texproj.masks.facts")
+    page.evaluate("texproj.masks.setRadius(10)")
+    stroke(page, [(200, 150), (400, 150)])
+    painted(page, 1)
+    mask = mask_on_disk(root)
+    assert mask.shape == (HEIGHT, WIDTH)
+    assert (mask[145:156, 205:396] == 0).all()
+    assert (mask[170:] == 255).all()
+    assert 0.8 < (mask == 0).sum() / (200 * 20 + np.pi * 100) < 1.2
+    page.get_by_role("button", name="Grow").click()
+    painted(page, 2)
+    assert (mask_on_disk(root)[132:168, 205:396] == 0).all()
+    page.get_by_role("radio", name="Erase").click()
+    stroke(page, [(300, 150), (300, 151)])
+    painted(page, 3)
+    assert (mask_on_disk(root)[145:155, 295:305] == 255).all()
+    for undo in (2, 1, 0):
+        page.locator("#mask-undo").click()
+        painted(page, undo)
+    assert not (root / "masks" / "0001.png").exists()
+
+
+def test_settings_are_a_form(root, page):
+    """Made from the options and their help; a bound is kept, what is changed stands in the file."""
+    page.locator("#do-settings").click()
+    bits = page.locator('[data-setting="color.bits"]')
+    assert "Bits per channel" in bits.inner_text()
+    bits.locator("select").select_option("16")
+    bits.get_by_role("button", name="Default of Bits").wait_for()
+    assert Project.open(root).settings.color.bits == 16
+    preference = page.locator('[data-setting="color.preference"] input')
+    preference.fill("99")
+    preference.press("Enter")
+    page.get_by_text("less than or equal to 8").wait_for()
+    assert Project.open(root).settings.color.preference < 8
+    bits.get_by_role("button", name="Default of Bits").click()
+    until(page, "document.querySelector('[data-setting=\"color.bits\"] button').hidden")
+    assert "bits" not in (root / "project.toml").read_text()
+    assert page.locator('[data-setting^="preview."]').count() == 0
+    page.get_by_role("button", name="Close").click()
+    page.locator("#make-to").select_option("patches")
+    until(page, "texproj.facts.to === 'patches'")
+    assert Project.open(root).settings.color.to == "patches"
+
+
+def test_what_is_made_can_be_taken_away(root, page):
+    """A picture of the view as PNG; the report opens without any right to ask the server."""
+    with page.expect_download() as kept:
+        page.locator("#take-picture").click()
+    assert kept.value.suggested_filename == "blocks.png"
+    assert cv2.imread(str(kept.value.path())).std() > 20
+    (root / "out").mkdir()
+    (root / "out/report.html").write_text("<title>told</title><body>All well.")
+    link = page.get_by_role("link", name="Open the report")
+    link.wait_for()
+    with page.context.expect_page() as found:
+        link.click()
+    assert found.value.title() == "told"
+    asked = "fetch('/api/project').then(() => 'answered', () => 'refused')"
+    assert found.value.evaluate(asked) == "refused"
+
+
+def test_the_plain_mean_is_a_layer(page):
+    """Made as a job; where no photo sees the surface it is hatched."""
+    settle(page)
+    before = page.evaluate("texproj.viewport.picture()")
+    page.locator('[data-layer="mean"]').click()
+    until(page, "texproj.look.layer === 'mean'")
+    settle(page)
+
+    assert page.evaluate("texproj.viewport.picture()") != before
+    assert "a photo is off" in page.locator("#legend").inner_text()
+
+
+def test_other_photos_that_show_the_same_are_a_click_away(page):
+    """As far as it was found out which do."""
+    page.route("**/partners", lambda route: route.fulfill(json={"photos": ["0002.png"]}))
+    enter(page, PHOTO)
+    page.locator(".seen-also button").click()
+    until(page, "texproj.chosen === '0002.png'")
