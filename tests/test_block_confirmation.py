@@ -64,6 +64,7 @@ def test_the_right_place_is_borne_out():
     assert found.agrees
     assert not found.contradicts
     assert found.support > 0.3
+    assert not found.mirror.refused
     assert max(errors_percent(found)) < 0.3
 
 

@@ -111,11 +111,11 @@ def test_settings_are_a_form(root, page):
     bits.locator("select").select_option("16")
     bits.get_by_role("button", name="Default of Bits").wait_for()
     assert Project.open(root).settings.color.bits == 16
-    preference = page.locator('[data-setting="color.preference"] input')
-    preference.fill("99")
-    preference.press("Enter")
-    page.get_by_text("less than or equal to 8").wait_for()
-    assert Project.open(root).settings.color.preference < 8
+    density = page.locator('[data-setting="color.texels_per_pixel"] input')
+    density.fill("99")
+    density.press("Enter")
+    page.get_by_text("less than or equal to 4").wait_for()
+    assert Project.open(root).settings.color.texels_per_pixel < 8
     bits.get_by_role("button", name="Default of Bits").click()
     until(page, "document.querySelector('[data-setting=\"color.bits\"] button').hidden")
     assert "bits" not in (root / "project.toml").read_text()

@@ -12,7 +12,7 @@ from texproj.register.joint.overlap import choose_partners
 from texproj.register.joint.refine import refine
 from texproj.render import open_renderer
 
-OPTIONS = RefineOptions(working_px=512, fine_rounds=0, partners=4)
+OPTIONS = RefineOptions(working_px=512, partners=4)
 
 
 def disturbed(cameras, px, seed):
@@ -36,15 +36,23 @@ def errors_px(found, truth, mesh):
     ])  # fmt: skip
 
 
-@lru_cache(maxsize=1)
-def refined(foreign: bool):
-    """The round of seven photos refined from 2 px on average; the last maybe of another piece."""
+def turned(camera, px):
+    """The camera turned by `px` pixels to the side."""
+    return Camera(camera.intrinsics, camera.pose.step([0, px / camera.intrinsics.fx, 0, 0, 0, 0]))
+
+
+@lru_cache(maxsize=2)
+def refined(foreign: bool, aside_px: float = 0.0):
+    """The round of seven photos refined from 2 px on average; the last maybe of another piece, the
+    fifth maybe aside.
+    """
     data = exposure_round()
     photos = list(data.photos)
     if foreign:
         other = synthetic_pair(1, "capital", seed=3, long_side=720).photos[0]
         photos[-1] = other.resized(photos[-1].width, photos[-1].height)
     start = disturbed(data.cameras, 4.0, 7)
+    start[4] = turned(start[4], aside_px)
 
     def load(number, longest):
         photo = photos[number]
@@ -71,6 +79,17 @@ def test_photos_agree_better_than_each_alone():
     assert after.max() < before.max()
 
 
+def test_agreement_and_frame_are_told_apart():
+    """Seven numbers with their deviations; the photos agree better than their place is sure."""
+    quality = refined(False)[2].quality
+    frame, agreement = quality["frame"], quality["agreement"]
+
+    assert 0 < agreement["expected_px"] < frame["expected_px"]
+    assert frame["scale_sigma_percent"] > 0
+    assert min(frame["rotation_sigma_deg"] + frame["shift_sigma"]) > 0
+    assert frame["held_by"].startswith("the mesh")
+
+
 def test_the_expected_error_is_neither_boast_nor_excuse():
     """What is claimed stands within a factor of four of what is true, on average."""
     data, _, found = refined(False)
@@ -92,6 +111,16 @@ def test_a_photo_of_something_else_is_thrown_out_and_moves_no_other():
     assert 6 not in found.tied
     assert np.median(apart) < 0.5
     assert np.median(alone) < 1.0
+
+
+def test_a_photo_that_stands_aside_is_found_again_by_what_the_others_show():
+    """Farther off than ties are sought at first: it ends where it ends from near by."""
+    data, _, near = refined(False)
+    _, _, found = refined(False, aside_px=24.0)
+    error = errors_px(found.cameras, data.cameras, data.mesh)
+
+    assert found.found_again == (4,) and found.thrown_out == {}
+    assert error[4] < 2 * errors_px(near.cameras, data.cameras, data.mesh).max()
 
 
 def test_partners_reach_from_near_to_wide():

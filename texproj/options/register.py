@@ -113,11 +113,13 @@ class RefineOptions:
     enabled: bool = True
     """Whether `run` refines; `texproj refine` always does."""
 
-    working_px: Annotated[int, Field(ge=128, le=8192)] = 768
+    hold: Literal["auto", "none", "picks", "imported"] = "auto"
+    """What holds the photos' place on the mesh: nothing but the photos; picks, which move all
+    photos together; imported cameras, which do not move. Auto: imported cameras in `run`, nothing
+    in `refine`."""
+
+    working_px: Annotated[int, Field(ge=128, le=8192), EXPERT] = 768
     """Longer side of the reduced photos that are compared, pixels; twice that at the end."""
 
-    partners: Annotated[int, Field(ge=1, le=50)] = 6
+    partners: Annotated[int, Field(ge=1, le=50), EXPERT] = 6
     """With how many others each photo is compared."""
-
-    fine_rounds: Annotated[int, Field(ge=0, le=100), EXPERT] = 2
-    """Most rounds at twice the working size."""

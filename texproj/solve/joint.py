@@ -44,6 +44,12 @@ class Ties:
         return Ties(*(getattr(self, name)[where] for name in self.__dataclass_fields__))
 
     @classmethod
+    def none(cls) -> Ties:
+        """No tie at all."""
+        number, pixel, point = np.zeros(0, np.intp), np.zeros((0, 2)), np.zeros((0, 3))
+        return cls(number, number, pixel, pixel, pixel, point, point)
+
+    @classmethod
     def joined(cls, parts: Sequence[Ties]) -> Ties:
         """All ties of several sets."""
         names = cls.__dataclass_fields__

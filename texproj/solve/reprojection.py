@@ -74,6 +74,8 @@ def projection_jacobian(
     OpenCV's analytic derivatives, taken at the identity pose in camera coordinates, where its
     rotation vector is the left-multiplied one of `Pose.step`.
     """
+    if not len(xyz_in_world):  # OpenCV gives None
+        return np.zeros((0, 2, 6 + len(free)))
     k = camera.intrinsics
     xyz = camera.pose.apply(xyz_in_world)
     behind = ~(xyz[:, 2] > 0)

@@ -21,6 +21,7 @@ from texproj.register.block.confirmation import (
     confirmation,
 )
 from texproj.register.block.reconstruction import Reconstruction
+from texproj.register.block.verdict import doubt
 from texproj.register.motion import motion_px
 from texproj.register.proof.judge import judge
 from texproj.stages.bench import FEATURES_LONGEST, Workbench
@@ -64,8 +65,12 @@ def held(
     asked = confirmation(part, place, bench.mesh, partial(rendered, bench), load)
     if asked.contradicts or not (asked.agrees or _agree(bench, part, place, through)):
         return _against(bench, part, own, progress)
+    if asked.agrees and asked.mirror.refused:
+        others = {name: doubt(asked.mirror) for name in part.names if name not in own}
+        return {**others, **dict.fromkeys(own, NOT_BORNE_OUT)}
     quality = {"block_photos": len(part.names), THROUGH: through,
-               "support": round(asked.support, 3)}  # fmt: skip
+               "support": round(asked.support, 3),
+               "mirror_t": round(asked.mirror.t, 2)}  # fmt: skip
     cameras = [place.world_from_block.camera(camera) for camera in part.cameras]
     errors = [float(error) for error in place.expected_error_px]
     if asked.agrees and asked.sure is not None:

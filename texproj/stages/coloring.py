@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 STAGE = "color"
 VERSION = 3
 Write = Callable[[Path, OutputPlan], tuple[str, ...]]
+DOUBTFUL = 0.6
+"""Part of what a photo shows of the piece beyond which contradiction is as likely its camera's."""
 SECTIONS = ("color", "unwrap", "patches", "output", "render")
 
 
@@ -261,9 +263,11 @@ def _left_out(name: str, told: dict[str, Any]) -> str:
     """The sentence about what stands in front of the piece in a photo."""
     if told["edited"]:
         return f"{name}: {told['mask']}, which was edited, says what is left out of it"
+    doubt = ", or its camera is wrong," if told["share"] > DOUBTFUL else ""
     return (
-        f"{name}: something stands in front of the piece ({100 * told['share']:.1f} % of what the"
-        f" photo shows of it) and is left out; {told['mask']} shows what, and can be edited"
+        f"{name}: something stands in front of the piece{doubt} ({100 * told['share']:.1f} % of"
+        f" what the photo shows of it) and is left out; {told['mask']} shows what, and can be"
+        " edited"
     )
 
 

@@ -29,6 +29,7 @@ def provenance_of(project: Project, used: Sequence[str]) -> Provenance:
         info, record = project.photo_info(name), records[name]
         photos.append({
             "file": name, "blake2b": project.hash_of(project.photo_path(name)),
+            "mask_blake2b": project.hash_of(project.mask_path(name)),
             **{key: value for key in ("copyright", "artist", "taken")
                if (value := getattr(info, key))},
             "width": record.width, "height": record.height, **camera_part(record),

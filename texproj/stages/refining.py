@@ -12,10 +12,11 @@ from texproj.camera import Camera
 from texproj.errors import InputError
 from texproj.files import json_hash
 from texproj.formats.cameras import entry_of_record
-from texproj.photo import Photo
+from texproj.photo import Correspondences, Photo
 from texproj.project import Project
 from texproj.records import CameraRecord
 from texproj.render import GBuffer
+from texproj.resources.memory import return_freed_memory
 from texproj.stages.attending import attended
 from texproj.stages.bench import Workbench
 from texproj.stages.entries import (
@@ -32,14 +33,15 @@ from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
 
 if TYPE_CHECKING:
-    from texproj.register.joint.refine import Refined
+    from texproj.register.joint.outcome import Refined
+    from texproj.register.joint.refine import Tell
 
 STAGE = "refine"
 VERSION = 3
 CHANNELS = ("depth", "normal")
 BLOCK_PERCENT = 0.33
 """Freedom of a block's photos, percent of the longer side: 10 pixels of 3072."""
-HELD = "imported cameras held"
+HELD = "what holds the frame"
 GLANCE_PX = 64
 """Size at which a photo is decoded to see whether it can be."""
 
@@ -68,6 +70,8 @@ class RefineOutcome:
             yield "fresh, kept: nothing has changed since these cameras were refined"
         for name, moved in self.moved_px.items() if not self.kept else ():
             yield f"{name}: moved by {moved:.2f} px"
+        for name in self.quality.get("found_again", ()) if not self.kept else ():
+            yield f"{name}: contradicted the others, and was found again by what they show"
         for name in self.alone:
             yield f"{name}: stays as it is: no other photo shows enough of the same surface"
         for name, reason in self.thrown_out.items():
@@ -79,16 +83,17 @@ class RefineOutcome:
 
 
 def refine_project(
-    bench: Workbench, progress: Progress = silent, hold_imported: bool = False
+    bench: Workbench, progress: Progress = silent, in_run: bool = False
 ) -> RefineOutcome:
     """Refine all registered cameras and write cameras.json.
 
-    hold_imported: cameras that texproj did not find do not move; the others follow them. Raises
-    InputError if fewer than two photos are registered, OutputError.
+    in_run: as a part of `run`, where imported cameras are held unless the settings say otherwise.
+    Raises InputError if fewer than two photos are registered, or nothing is there to hold them,
+    OutputError.
     """
     project = bench.project
     known = project.load_record(STAGE)
-    if known is not None and refine_freshness(project, hold_imported).fresh:
+    if known is not None and refine_freshness(project, in_run).fresh:
         return _known_outcome(known)
     entries = project.load_cameras()
     before = {n: r for n, e in entries.items() if (r := _usable(project, n, e)) is not None}
@@ -96,25 +101,33 @@ def refine_project(
         raise InputError(f"{project.root} has fewer than two registered photos to refine together")
     project.check_writable(project.work)
     progress(STAGE, 0, 1, "")
-    names = list(before)
-    fixed = [hold_imported and not entries[n].sought for n in names]
-    refined = _refine(bench, before, fixed)
+    names, hold = list(before), _hold(project, in_run)
+    fixed = [hold == "imported" and not entries[n].sought for n in names]
+    picks = _picks(project, before) if hold == "picks" else {}
+    told = 1
+
+    def tell(done: int, total: int) -> None:
+        nonlocal told
+        told = total
+        progress(STAGE, done, total, f"round {done + 1} of {total} at most")
+
+    refined = _refine(bench, before, Held(fixed, picks), tell)
     asked = not project.settings.refine.enabled
     after = _records(names, before, refined, fixed, asked)
     outcome = _outcome(names, refined, fixed)
     record = _record(before, after, outcome)
     entries |= {entry.file: entry for entry in after}
-    inputs = {**_inputs(project, entries, record), HELD: str(hold_imported)}
+    inputs = {**_inputs(project, entries, record), HELD: hold}
     project.save_registration(after, STAGE, {None: {"inputs": inputs, **record}})
     project.save_hashes()
-    progress(STAGE, 1, 1, "")
+    progress(STAGE, told, told, "")
     return outcome
 
 
-def refine_freshness(project: Project, hold_imported: bool) -> Freshness:
+def refine_freshness(project: Project, in_run: bool) -> Freshness:
     """Whether the cameras agree as well as they can."""
     record, entries = project.load_record(STAGE), project.load_cameras()
-    inputs = {**_inputs(project, entries, record or {}), HELD: str(hold_imported)}
+    inputs = {**_inputs(project, entries, record or {}), HELD: _hold(project, in_run)}
     reason = changed_inputs(record, inputs)
     if record is not None and not reason:
         moved = [n for n, h in record["after"].items() if _hash(entries.get(n)) != h]
@@ -160,18 +173,54 @@ def _usable(project: Project, name: str, entry: CameraRecord) -> CameraRecord | 
     return entry
 
 
-def _refine(bench: Workbench, before: Mapping[str, CameraRecord], fixed: list[bool]) -> Refined:
-    from texproj.register.joint.lenses import PhotoStart  # noqa: PLC0415 - slow to load
-    from texproj.register.joint.refine import refine  # noqa: PLC0415 - slow to load
+@dataclass(frozen=True, eq=False)
+class Held:
+    """What holds the frame. fixed: of each photo, must its camera not move; picks: by name."""
+
+    fixed: list[bool]
+    picks: Mapping[str, Correspondences]
+
+
+def _hold(project: Project, in_run: bool) -> str:
+    """What the settings let hold the frame."""
+    hold = project.settings.refine.hold
+    if hold == "auto":
+        return "imported" if in_run else "none"
+    return hold
+
+
+def _picks(project: Project, before: Mapping[str, CameraRecord]) -> dict[str, Correspondences]:
+    """The picks by name of the photo. Raises InputError where there are none."""
+    picks = {name: project.load_correspondences(name) for name in before}
+    found = {name: one for name, one in picks.items() if one is not None and len(one)}
+    if not found:
+        raise InputError(
+            f"{project.root} has no registered photo with picks that could hold the others: pick"
+            ' points in one, or set [refine] hold = "none"'
+        )
+    return found
+
+
+def _refine(
+    bench: Workbench, before: Mapping[str, CameraRecord], held: Held, tell: Tell
+) -> Refined:
+    from texproj.register.joint.holding import Picks  # noqa: PLC0415 - slow to load
+    from texproj.register.joint.lenses import PhotoStart  # noqa: PLC0415
+    from texproj.register.joint.refine import refine  # noqa: PLC0415
 
     project = bench.project
     names = list(before)
 
-    def start(record: CameraRecord, held: bool) -> PhotoStart:
+    pick_sigma = project.settings.points.pick_sigma_percent / 100
+
+    def start(record: CameraRecord, fixed: bool) -> PhotoStart:
         known = start_of(record)
         lens = lens_of(project, record.file, known)
         given = known is not None and known.intrinsics is not None
-        return PhotoStart(_camera(record), _sigma_px(record), lens, given, held)
+        one = held.picks.get(record.file)
+        sigma = pick_sigma * max(record.width, record.height)
+        picks = None if one is None else Picks(one.xy_px, one.xyz_in_world, sigma)
+        return PhotoStart(_camera(record), _sigma_px(record), lens, given, fixed, picks)
 
     def load(number: int, longest: int) -> Photo:
         return project.load_photo(names[number], longest)
@@ -179,8 +228,9 @@ def _refine(bench: Workbench, before: Mapping[str, CameraRecord], fixed: list[bo
     def render(camera: Camera) -> GBuffer:
         return bench.plain_scene.gbuffer(camera, CHANNELS)
 
-    photos = [start(record, held) for record, held in zip(before.values(), fixed, strict=True)]
-    return refine(photos, load, render, project.settings.refine)
+    photos = [start(record, f) for record, f in zip(before.values(), held.fixed, strict=True)]
+    return_freed_memory()
+    return refine(photos, load, render, project.settings.refine, tell)
 
 
 def _sigma_px(record: CameraRecord) -> float:
@@ -237,7 +287,9 @@ def _outcome(names: list[str], refined: Refined, fixed: list[bool]) -> RefineOut
     thrown_out = {names[k]: reason for k, reason in refined.thrown_out.items()}
     apart = set(range(len(names))) - set(refined.tied) - set(refined.thrown_out)
     alone = tuple(names[k] for k in sorted(apart))
-    return RefineOutcome(moved, thrown_out, alone, refined.quality, False)
+    again = [names[k] for k in refined.found_again]
+    quality = {**refined.quality, "found_again": again}
+    return RefineOutcome(moved, thrown_out, alone, quality, False)
 
 
 def _known_outcome(record: Mapping[str, Any]) -> RefineOutcome:
@@ -268,6 +320,10 @@ def _inputs(project: Project, entries: Entries, record: Mapping[str, Any]) -> In
         files = {name: project.photo_path(name), f"mask of {name}": project.mask_path(name)}
         inputs |= file_inputs(project, **files)
         inputs[f"registration of {name}"] = _registration(entry, name, record)
+        if project.settings.refine.hold == "picks":
+            inputs |= file_inputs(
+                project, **{f"picks of {name}": project.correspondences_path(name)}
+            )
     return inputs
 
 

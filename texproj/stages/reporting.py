@@ -24,6 +24,7 @@ from texproj.stages.entries import is_refined
 from texproj.stages.freshness import Freshness, Inputs, changed_inputs, file_inputs, options_inputs
 from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
+from texproj.stages.refining import STAGE as REFINE
 from texproj.version import __version__
 
 STAGE = "report"
@@ -99,6 +100,7 @@ def _inputs(project: Project) -> Inputs:
         "texproj": __version__,
         "cameras": json_hash([_shown(r) for r in project.load_cameras().values()]),
         "model": json_hash(project.load_record(COLOR)),
+        "refinement": json_hash((project.load_record(REFINE) or {}).get("quality")),
         "what nothing uses": json_hash(project.notes),
         **file_inputs(project, **shown),
     }
@@ -137,6 +139,7 @@ def _facts(bench: Workbench, records: dict[str, CameraRecord]) -> dict[str, Any]
         },
         "ignored": list(project.notes),
         "refinement": _refinement(project, records),
+        **_certainty(project, records),
         "photos": photos,
         "color": color and _color_facts(color),
         "provenance": (color or {}).get("provenance"),
@@ -160,6 +163,13 @@ def _refinement(project: Project, records: dict[str, CameraRecord]) -> str:
     return (
         "switched off ([refine] enabled = false): every camera is as its own photo was registered"
     )
+
+
+def _certainty(project: Project, records: dict[str, CameraRecord]) -> dict[str, Any]:
+    """How well refined photos agree, and how sure their place on the mesh is."""
+    known = project.load_record(REFINE) if any(is_refined(r) for r in records.values()) else None
+    quality = (known or {}).get("quality", {})
+    return {name: quality.get(name) for name in ("agreement", "frame")}
 
 
 def _photo_facts(project: Project, name: str, record: CameraRecord | None) -> dict[str, Any]:

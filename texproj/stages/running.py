@@ -138,7 +138,7 @@ def _refined(bench: Workbench, progress: Progress) -> tuple[RefineOutcome | None
         return None, ""
 
     def refine() -> RefineOutcome:
-        return refine_project(bench, progress, hold_imported=True)
+        return refine_project(bench, progress, in_run=True)
 
     try:
         return attended("all photos together", refine), ""

@@ -132,7 +132,7 @@ def write_opf(shots: Sequence[Shot]) -> Written:
 def _parts(path: Path) -> dict[str, Path]:
     """The files of a project by what they hold."""
     content = read_object(path)
-    kind = content.get("format")
+    kind = str(content.get("format"))
     if kind != PROJECT and kind not in ITEMS:
         raise InputError(f"{path}: not a file of the Open Photogrammetry Format")
     if kind != PROJECT:

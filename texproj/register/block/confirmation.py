@@ -8,7 +8,7 @@ and where does it lead? Method: ours.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,7 +18,8 @@ from texproj.register.block.anchor import Anchored
 from texproj.register.block.certainty import Certainty, certainty
 from texproj.register.block.cloud import Cloud
 from texproj.register.block.decide import judged, support_at
-from texproj.register.block.place import ASKED
+from texproj.register.block.mirror_test import MirrorTest, mirror_test
+from texproj.register.block.place import ASKED, ASKED_AT_LAST
 from texproj.register.block.placed_block import PlacedBlock
 from texproj.register.block.propose import Place, Proposer
 from texproj.register.block.reconstruction import Reconstruction
@@ -34,6 +35,7 @@ APART = 3.0
 """Standard deviations beyond which anchors and photos put the block at different places ..."""
 LEAST_APART_PERCENT = 0.3
 """... and the distance, percent of the width, below which they never do."""
+UNTESTED = MirrorTest(0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,13 +43,15 @@ class Confirmation:
     """support: mean share of patches that the photos show in place where the anchors put the block.
     sure: the place to which the mesh's structure leads from there, None where too little of it is
     found; apart_percent: how far apart the two show the surface, percent of the width, and
-    apart_sigma: the same in standard deviations.
+    apart_sigma: the same in standard deviations. mirror: the photos against their mirror images
+    there, where they bear the anchors out: a scan that is mirrored agrees, too.
     """
 
     support: float
     sure: Certainty | None
     apart_percent: float
     apart_sigma: float
+    mirror: MirrorTest = UNTESTED
 
     @property
     def agrees(self) -> bool:
@@ -81,7 +85,8 @@ def confirmation(
     render, load_photo: as for `place_block`. The same seed gives the same result.
     """
     scan, cloud = Scan.of(mesh, seed), Cloud.of(block, seed)
-    witnesses, _ = called(block, load_photo, render, scan.surface, ASKED)
+    asked, _ = called(block, load_photo, render, scan.surface, ASKED_AT_LAST)
+    witnesses = asked[:ASKED]
     if not witnesses or not len(cloud):
         return Confirmation(0.0, None, np.inf, np.inf)
     there = PlacedBlock(held.world_from_block)
@@ -93,7 +98,9 @@ def confirmation(
     sure = certainty(witnesses, best)
     apart = _apart_percent(witnesses, there, sure.placed, best.seen)
     own = 100 * float(np.median(held.expected_error_px / [c.width for c in block.cameras]))
-    return Confirmation(support, sure, apart, apart / float(np.hypot(own, sure.expected_percent)))
+    sigmas = apart / float(np.hypot(own, sure.expected_percent))
+    found = Confirmation(support, sure, apart, sigmas)
+    return replace(found, mirror=mirror_test(asked, ASKED, best)) if found.agrees else found
 
 
 def _place(world_from_block: Similarity, proposer: Proposer) -> Place:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from texproj.arrays import Doubles
 from texproj.camera import Camera, Intrinsics
+from texproj.register.joint.holding import Picks
 from texproj.solve.lm import minimize
 from texproj.solve.reprojection import Reprojection, intrinsic_value
 from texproj.solve.shared_lens import LensParameters, SharedIntrinsics
@@ -37,7 +38,8 @@ class PhotoStart:
 
     camera: full size, registered to a few pixels; sigma_px: its expected error, full-size pixels;
     lens: equal for photos of the same lens; given: the lens was known beforehand, not estimated;
-    fixed: the camera must not move, the others follow it.
+    fixed: the camera must not move, the others follow it; picks: they hold the frame; sought_again:
+    the camera was found by what the others show, since its own contradicted them.
     """
 
     camera: Camera
@@ -45,6 +47,8 @@ class PhotoStart:
     lens: Hashable = 0
     given: bool = False
     fixed: bool = False
+    picks: Picks | None = None
+    sought_again: bool = False
 
 
 def shared_lenses(

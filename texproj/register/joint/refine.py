@@ -8,9 +8,8 @@ mesh's frame.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,18 +18,25 @@ from texproj.arrays import Doubles
 from texproj.camera import Camera
 from texproj.options import RefineOptions
 from texproj.register.joint.lenses import PhotoStart, shared_lenses, with_aspect
+from texproj.register.joint.lone import (
+    LEAST_SOUGHT,
+    confirmed,
+    contradicted,
+    sought_again,
+    unconfirmed,
+)
+from texproj.register.joint.outcome import Refined, Solved
 from texproj.register.joint.overlap import choose_partners, shared_views
 from texproj.register.joint.patches import Density
-from texproj.register.joint.search import Level, TieFinder
+from texproj.register.joint.search import Level, Pair, TieFinder
 from texproj.register.joint.session import Cameras, LoadPhoto, anchor_points
 from texproj.register.joint.ties import TieSearch
 from texproj.render import Render
 from texproj.solve.joint import Anchors, JointPoses, Ties
 from texproj.solve.lm import LmFit, LmOptions, Loss, minimize
-from texproj.solve.reprojection import projection_jacobian
 from texproj.solve.shared_lens import LensParameters
 
-Pair = tuple[int, int]
+Tell = Callable[[int, int], None]
 
 FIRST_RADIUS_PX, LATER_RADIUS_PX = 8, 5
 """Search radius in the first round and once the photos are close, working pixels."""
@@ -40,8 +46,6 @@ that size."""
 COARSE, FINE = Density(32, 300), Density(48, 700)
 """Patches at the working size and at twice that: with fewer at the end the place of all photos on
 the mesh is less sure (.75 px in place of .65 with 300), with more only the time grows."""
-LEAST_SUPPORT = 0.15
-"""A photo is thrown out if no partner confirms at least this share of its patches."""
 TIE_SIGMA_PX = 0.5
 """Noise of a tie, working pixels: what well registered photos of real scenes show."""
 TIE_LOSS = Loss("cauchy", 1.5)
@@ -53,31 +57,6 @@ ANCHOR_WEIGHT = 2.0
 ASPECT_GAIN = 0.015
 """Part of the cost that must fall for fy / fx to be solved: most sensors have square pixels, and
 one more number always gains a little."""
-LEAST_SOUGHT = 20
-"""Patches sought, or ties, below which nothing is concluded."""
-TIE_CORRELATION = 20.0
-"""How many ties share an error (shape of the mesh, light); widens the expected error."""
-SYSTEMATIC_PX = 0.2
-"""What more ties do not remove, working pixels: with thousands of ties a photo, two real scenes
-with known cameras end at 0.6 .. 0.8 full pixels of 2832 and 3072, whatever the covariance says."""
-
-
-@dataclass(frozen=True, eq=False)
-class Refined:
-    """Cameras that were brought to agree with each other on the surface.
-
-    cameras: full size, as given where nothing could be said; thrown_out: why, by number, for
-    those that contradict the others; tied: numbers of those that were solved;
-    expected_error_px, motion_px: (n,) full-size pixels, NaN where not solved; quality: for the
-    report.
-    """
-
-    cameras: Cameras
-    thrown_out: dict[int, str]
-    tied: tuple[int, ...]
-    expected_error_px: Doubles
-    motion_px: Doubles
-    quality: dict[str, Any] = field(default_factory=dict)
 
 
 def refine(
@@ -85,49 +64,124 @@ def refine(
     load_photo: LoadPhoto,
     render: Render,
     options: RefineOptions | None = None,
+    tell: Tell = lambda done, total: None,
 ) -> Refined:
-    """Cameras that agree on the surface. render: gives depth and normals for a camera."""
+    """Cameras that agree on the surface. render: gives depth and normals for a camera; tell: hears
+    before each round how many are done, of how many at most.
+    """
     options = options or RefineOptions()
     cameras = tuple(photo.camera for photo in photos)
     points = anchor_points(cameras, render)
     start, shared = shared_lenses(photos, points)
-    joint = _Joint(
-        cameras, start, np.array([photo.sigma_px for photo in photos]),
-        np.array([photo.fixed for photo in photos]), shared,
-        TieFinder(load_photo, render, 2 * options.working_px), points,
-    )  # fmt: skip
+    finder = TieFinder(load_photo, render, 2 * options.working_px)
+    fixed, sigma_px = np.array([p.fixed for p in photos]), np.array([p.sigma_px for p in photos])
+    joint = _Joint(cameras, start, sigma_px, fixed, shared, finder, points)
     pairs = choose_partners(*shared_views(start, render), options.partners)
-    found = joint.search(start, pairs, _schedule(options)[0][0], FIRST_RADIUS_PX)
-    unconfirmed = joint.unconfirmed(found, options)
-    if unconfirmed:
-        kept = [k for k in range(len(cameras)) if k not in unconfirmed]
+    end = _settled(joint, pairs, _schedule(options), tell)
+    if isinstance(end, _Lone):
+        again: Camera | None = None
+        if not photos[end.number].sought_again:
+            again = sought_again(
+                end.number, end.cameras, end.partners, finder, points, options.working_px
+            )
+        if again is not None:
+            others = [*photos]
+            others[end.number] = _found_again(photos[end.number], again, options)
+            return refine(others, load_photo, render, options, tell)
+        kept = [k for k in range(len(cameras)) if k != end.number]
         rest = refine(
-            [photos[k] for k in kept], lambda k, size: load_photo(kept[k], size), render, options
-        )
-        return _with_unconfirmed(rest, kept, joint.given, unconfirmed)
-    confirmed = joint.confirmed(found, options)
-    pairs = [(i, j) for i, j in pairs if {i, j} <= confirmed]
-    now, fit, rounds = start, None, 0
-    for level, most in _schedule(options):
-        longest = level.longest
+            [photos[k] for k in kept], lambda k, size: load_photo(kept[k], size), render, options,
+            tell,
+        )  # fmt: skip
+        return rest.among(kept, cameras, {end.number: end.reason})
+    if end.fit is None:
+        nothing = np.full(len(cameras), np.nan)
+        return Refined(start, {}, (), nothing, nothing, {"rounds": end.rounds, "pairs": len(pairs)})
+    picks = {k: photo.picks for k, photo in enumerate(photos) if photo.picks is not None}
+    scale = end.joint.working_scale(options.working_px)
+    solved = Solved(
+        cameras, end.cameras, end.tied, points, fixed, end.joint.lenses, end.fit, picks, scale
+    ).outcome()
+    solved.quality["agreement"]["tie_residual_working_px"] = round(
+        float(np.nanmedian(np.linalg.norm(_apart_px(end.fit), axis=1))), 3
+    )
+    solved.quality.update(rounds=end.rounds, pairs=len(pairs))
+    found_again = tuple(k for k, photo in enumerate(photos) if photo.sought_again)
+    return replace(solved, found_again=found_again)
+
+
+@dataclass(frozen=True, eq=False)
+class _Lone:
+    """A photo that contradicts the others, why, the cameras then, and whom to ask for its own."""
+
+    number: int
+    reason: str
+    cameras: Cameras
+    partners: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Settled:
+    """Cameras at rest, and the last ties; fit: None where there were too few."""
+
+    joint: _Joint
+    cameras: Cameras
+    tied: tuple[int, ...]
+    fit: LmFit[Cameras] | None
+    rounds: int
+
+
+def _settled(
+    joint: _Joint, pairs: list[Pair], schedule: list[tuple[Level, int]], tell: Tell
+) -> _Settled | _Lone:
+    """Rounds of searching ties and solving until the cameras rest, or one of them stands alone."""
+    now, ties, fit, rounds = joint.start, Ties.none(), None, 0
+    found = joint.search(now, pairs, schedule[0][0], FIRST_RADIUS_PX)
+    right = confirmed(found)
+    lone = unconfirmed(found, joint.fixed)
+    if lone is not None:
+        return _Lone(*lone, now, _partners(lone[0], pairs, right))
+    pairs = [(i, j) for i, j in pairs if {i, j} <= right]
+    most_rounds = sum(most for _, most in schedule)
+    for level, most in schedule:
         for _ in range(most if pairs else 0):
+            tell(rounds, most_rounds)
             before, rounds = now, rounds + 1
             if rounds > 1:
                 found = joint.search(before, pairs, level, LATER_RADIUS_PX)
             ties = Ties.joined([found[pair].ties for pair in pairs])
             if len(ties) < LEAST_SOUGHT:
                 break
-            now, fit = joint.solve(before, ties, longest)
-            if (joint.motion_px(before, now) * joint.working_scale(longest)).max() < SETTLED_PX:
+            now, fit = joint.solve(before, ties, level.longest)
+            scale = joint.working_scale(level.longest)
+            if (joint.motion_px(before, now) * scale).max() < SETTLED_PX:
                 break
         if fit is not None and len(ties) >= LEAST_SOUGHT:
-            joint, now, fit = joint.with_aspect(now, ties, longest, fit)
-    tied = tuple(int(k) for k in np.unique([ties.to, ties.source])) if fit else ()
-    numbers: dict[str, Any] = {"rounds": rounds, "pairs": len(pairs)}
-    if fit is not None:
-        apart = np.linalg.norm(fit.residual, axis=1) * TIE_SIGMA_PX
-        numbers["tie_residual_working_px"] = float(np.nanmedian(apart))
-    return joint.outcome(now, tied, fit, numbers, options.working_px)
+            apart = _apart_px(fit) * (schedule[0][0].longest / level.longest)
+            lone = unconfirmed(found, joint.fixed) or contradicted(ties, apart, joint.fixed)
+            if lone is not None:
+                return _Lone(*lone, now, _partners(lone[0], pairs, right))
+            joint, now, fit = joint.with_aspect(now, ties, level.longest, fit)
+    tied = tuple(int(k) for k in np.unique([ties.to, ties.source]))
+    return _Settled(joint, now, tied, fit, rounds)
+
+
+def _partners(k: int, pairs: list[Pair], right: set[int]) -> tuple[int, ...]:
+    """The credible photos that photo k is compared with."""
+    return tuple(sorted({n for pair in pairs if k in pair for n in pair} & right - {k}))
+
+
+def _apart_px(fit: LmFit[Cameras]) -> Doubles:
+    """(n, 2) how far ties are from where the cameras put them, pixels of the last size."""
+    return fit.residual * TIE_SIGMA_PX
+
+
+def _found_again(photo: PhotoStart, camera: Camera, options: RefineOptions) -> PhotoStart:
+    """The photo with what the wide search has found, good to one of its pixels or two."""
+    wide_px = 2 * max(1.0, max(camera.width, camera.height) / options.working_px)
+    return replace(
+        photo, camera=camera, sigma_px=max(photo.sigma_px, 2 * wide_px), sought_again=True
+    )
 
 
 def _schedule(options: RefineOptions) -> list[tuple[Level, int]]:
@@ -160,29 +214,6 @@ class _Joint:
         """Ties of all pairs, positions in full-size pixels."""
         return self.finder.find(cameras, pairs, level, radius_px, self.points)
 
-    def unconfirmed(self, found: dict[Pair, TieSearch], options: RefineOptions) -> dict[int, str]:
-        """The photo whose surface no partner confirms, if its partners are credible: another photo
-        confirms one of them. One at a time, the least confirmed first.
-        """
-        best = _best_support(found)
-        credible = self.confirmed(found, options)
-        suspects = [
-            k for k in best
-            if k not in credible and not self.fixed[k]
-            and any(k in pair and credible & set(pair) for pair in found)
-        ]  # fmt: skip
-        if not suspects:
-            return {}
-        worst = min(suspects, key=lambda k: best[k])
-        return {
-            worst: "no other photo shows the same surface where this camera sees it (at best "
-            f"{best[worst]:.0%} of the patches agree); check its picks or its start"
-        }
-
-    def confirmed(self, found: dict[Pair, TieSearch], options: RefineOptions) -> set[int]:
-        """Photos of which at least one partner shows the same surface at the same place."""
-        return {k for k, share in _best_support(found).items() if share >= LEAST_SUPPORT}
-
     def solve(self, cameras: Cameras, joined: Ties, longest: int) -> tuple[Cameras, LmFit[Cameras]]:
         """Move all tied cameras at once."""
         sigma = TIE_SIGMA_PX / self.working_scale(longest)
@@ -213,66 +244,9 @@ class _Joint:
             motion[k] = np.nanmean(np.linalg.norm(shift, axis=1)) if len(points) else 0
         return motion
 
-    def outcome(
-        self, cameras: Cameras, tied: tuple[int, ...], fit: LmFit[Cameras] | None,
-        quality: dict[str, Any], longest: int,
-    ) -> Refined:  # fmt: skip
-        """The result with its expected errors."""
-        error, motion = np.full(len(cameras), np.nan), np.full(len(cameras), np.nan)
-        if fit is not None:
-            systematic_px = SYSTEMATIC_PX / self.working_scale(longest)
-            covariance = fit.covariance(max(fit.scatter2, 0.1) * TIE_CORRELATION)
-            for k in tied:
-                block = covariance[6 * k : 6 * k + 6, 6 * k : 6 * k + 6]
-                spread = _spread_px(cameras[k], self.points[k], block)
-                error[k] = 0.0 if self.fixed[k] else float(np.hypot(spread, systematic_px[k]))
-            quality["focal_px"] = [round(c.intrinsics.fx, 2) for c in cameras]
-            motion = np.where(
-                np.isin(np.arange(len(motion)), tied), self.motion_px(self.given, cameras), np.nan
-            )
-            quality["ties"] = len(fit.residual)
-        return Refined(cameras, {}, tied, error, motion, quality)
-
     def _anchors(self) -> Anchors:
         count = np.array([len(p) for p in self.points])
         camera = np.repeat(np.arange(len(count)), count)
         px = [c.project(p)[0] for c, p in zip(self.given, self.points, strict=True)]
         sigma = np.repeat(self.sigma_px * np.sqrt(count / ANCHOR_WEIGHT), count)
         return Anchors(camera, np.concatenate(self.points), np.concatenate(px), sigma)
-
-
-def _best_support(found: dict[Pair, TieSearch]) -> dict[int, float]:
-    """By photo, the largest share of patches that a partner confirms; photos of which too little
-    could be sought are not in it.
-    """
-    best: dict[int, float] = {}
-    for pair, search in found.items():
-        if search.sought >= LEAST_SOUGHT:
-            for k in pair:
-                best[k] = max(best.get(k, 0.0), search.support)
-    return best
-
-
-def _with_unconfirmed(
-    rest: Refined, kept: list[int], given: Cameras, unconfirmed: dict[int, str]
-) -> Refined:
-    """The result of the others among all cameras: what is unconfirmed changes nothing of it."""
-    cameras, nothing = list(given), np.full(len(given), np.nan)
-    error, motion = nothing.copy(), nothing.copy()
-    for position, k in enumerate(kept):
-        cameras[k] = rest.cameras[position]
-        error[k], motion[k] = rest.expected_error_px[position], rest.motion_px[position]
-    thrown_out = {**unconfirmed, **{kept[k]: why for k, why in rest.thrown_out.items()}}
-    tied = tuple(kept[k] for k in rest.tied)
-    return Refined(tuple(cameras), thrown_out, tied, error, motion, rest.quality)
-
-
-def _spread_px(camera: Camera, points: Doubles, covariance: Doubles) -> float:
-    """Root mean square image deviation of the surface under the pose's covariance; infinite where
-    that says nothing.
-    """
-    if not np.isfinite(covariance).all():
-        return float("inf")
-    jacobian = projection_jacobian(camera, points)
-    variance = jacobian @ covariance @ jacobian.transpose(0, 2, 1)
-    return float(np.sqrt(np.trace(variance, axis1=1, axis2=2).mean()))

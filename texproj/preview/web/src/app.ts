@@ -316,6 +316,7 @@ export class App implements Host {
     const first = this.facts === null;
     this.facts = await api.facts();
     this.edits.forget();
+    if (this.mode === "pick" && this.photo) this.picking.photo = this.photo;
     this.title();
     if (this.facts.mesh.key !== this.meshKey) await this.loadMesh();
     const { surface, frustums } = this.viewport;

@@ -198,7 +198,7 @@ const METHODS: Record<string, string> = {
   silhouette: "from the silhouette",
   features: "from features",
   "mutual-information": "from mutual information",
-  block: "with all other photos",
+  block: "with the others",
 };
 
 /** How a photo's camera was found. */
