@@ -118,7 +118,7 @@ class RefineOptions:
     photos together; imported cameras, which do not move. Auto: imported cameras in `run`, nothing
     in `refine`."""
 
-    working_px: Annotated[int, Field(ge=256, le=8192), EXPERT] = 768
+    working_px: Annotated[int, Field(ge=128, le=8192), EXPERT] = 768
     """Longer side of the reduced photos that are compared, pixels; twice that at the end."""
 
     partners: Annotated[int, Field(ge=1, le=50), EXPERT] = 6

@@ -23,7 +23,7 @@ from texproj.register.block.confirmation import (
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.block.verdict import doubt
 from texproj.register.motion import motion_px
-from texproj.register.proof.prove import prove
+from texproj.register.proof.judge import judge
 from texproj.stages.bench import FEATURES_LONGEST, Workbench
 from texproj.stages.block_fits import (
     STAGE,
@@ -161,13 +161,14 @@ def _agree(bench: Workbench, part: Reconstruction, place: Anchored, through: Seq
     def load(k: int, longest: int) -> Photo:
         return load_reduced(bench, part.names[k], longest)
 
-    others = [k for k, name in enumerate(part.names) if name not in through] or None
+    every = range(len(part.names))
+    others = [k for k in every if part.names[k] not in through] or every
     try:
-        found = prove(cameras, load, partial(rendered, bench), others)
+        found = judge(cameras, load, partial(rendered, bench), others)
     except InputError:  # a photo that cannot be read proves nothing
         return False
-    proved = sum(proof.standing == "proved" for proof in found.values())
-    return proved >= MOST_AGREE * len(found)
+    agreeing = sum(bool(ruling.agree) and not ruling.against for ruling in found.values())
+    return agreeing >= MOST_AGREE * len(found)
 
 
 def _anchor(bench: Workbench, record: CameraRecord) -> Anchor:

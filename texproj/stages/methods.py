@@ -57,6 +57,11 @@ class Job:
         return self.start.intrinsics if self.start is not None else None
 
     @property
+    def starts_somewhere(self) -> bool:
+        """Whether there is a whole camera to start from."""
+        return self.start is not None and self.start.camera is not None
+
+    @property
     def has_means(self) -> bool:
         """Whether the photo has picks or a pose to start from, and so needs no other photo."""
         posed = self.start is not None and self.start.pose is not None

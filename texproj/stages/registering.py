@@ -7,9 +7,9 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from texproj.errors import InputError
 from texproj.project import Project
 from texproj.records import DOUBTED, CameraRecord, Fit
+from texproj.stages import attempts
 from texproj.stages.attending import PhotoFaultError, attended
 from texproj.stages.bench import Workbench
 from texproj.stages.entries import camera_hash, own_registration, start_of
@@ -18,46 +18,25 @@ from texproj.stages.keeping import Keeper
 from texproj.stages.lineage import FAULT, STAGE, Behind, Lineage, Neighborhood, Trace, inputs, state
 from texproj.stages.methods import (
     AUTO,
-    METHODS,
     MOST_COMPARED,
     NEAREST,
     Job,
     Search,
-    believed,
     search_as_asked,
     search_by_others,
     search_by_own_means,
     shared_points,
 )
-from texproj.stages.outcomes import (
-    UNUSABLE,
-    PhotoOutcome,
-    failed_record,
-    refused_record,
-    registered_record,
-)
+from texproj.stages.outcomes import PhotoOutcome
 from texproj.stages.partners import companions, compare_looks, load_graph
 from texproj.stages.progress import Progress, silent
 from texproj.stages.wave import Evidence, Wave
 
 Names = tuple[str, ...]
-
 STANDS_APART = (
     "shows nothing that the registered photos show; leave it out (`exclude`) or pick 8 points"
 )
 TOO_FEW = "a block needs three photos or more that overlap"
-
-
-def _block(
-    bench: Workbench,
-    names: Sequence[str],
-    anchors: Mapping[str, CameraRecord],
-    progress: Progress,
-) -> Mapping[str, Fit | str]:
-    """All at once, by structure from motion: for each photo a fit, or why there is none."""
-    from texproj.stages.blocking import place_together  # noqa: PLC0415 - slow to load
-
-    return place_together(bench, names, anchors, progress)
 
 
 def register_photos(
@@ -77,8 +56,11 @@ def register_photos(
         run = _Run(bench, chosen, keeper, progress)
         run.keep()
         run.attend_alone()
+        run.judge()
         if run.asked == AUTO:
             run.keep_what_holds_again()
+            if not run.registered:
+                run.attend_by_agreement()
             loose, registered = run.without_means, run.registered
             if len(registered) < len(loose):  # few would vouch for many
                 run.attend_together(loose, registered)
@@ -86,8 +68,13 @@ def register_photos(
             run.attend_as_block()
         if run.asked in (AUTO, "features"):
             run.attend_through_others()
-        if run.asked == AUTO and run.attend_together(run.newly_failed, run.registered):
+        more = run.asked == AUTO and run.registered and run.attend_by_agreement()
+        if more or (run.asked == AUTO and run.attend_together(run.newly_failed, run.registered)):
             run.attend_through_others()
+        if run.judge() and run.asked in (AUTO, "features"):
+            run.attend_through_others()
+            run.judge()
+        run.tell_what_it_rests_on()
     progress(STAGE, len(chosen), len(chosen), "")
     project.save_hashes()
     return [run.outcomes[name] for name in chosen]
@@ -104,7 +91,7 @@ class _Run:
     waiting: those without an outcome; shaken: those of them that were found through others before,
     so that their old cameras prove nothing; own: what came of what was tried before others were
     asked; places: the photos from whose place each was tried already; faulty: those that met a
-    fault, alone or in a block.
+    fault, alone or in a block; notes: what the others say of each.
     """
 
     def __init__(
@@ -129,6 +116,7 @@ class _Run:
         self.blocks: dict[str, tuple[str, ...]] = {}
         self.failed_with: dict[str, Evidence] = {}
         self.faulty: set[str] = set()
+        self.notes: dict[str, str] = {}
 
     # --- what is known
 
@@ -189,14 +177,14 @@ class _Run:
 
     def attend_together(self, names: Names, anchors: Mapping[str, CameraRecord]) -> bool:
         """Place photos all at once; returns whether one was found."""
-        searches = self.placed(names, anchors) if names else {}
+        searches = self.placed(names, anchors, attempts.as_block) if names else {}
         self.learn_companions()
         for name, found in searches.items():
             self.blocks[name] = names
             if name in anchors and found.fit is None:
                 self.doubt(name, found.reason)
             elif found.fit is not None or name in self.outcomes or self.asked == "block":
-                self.attend(name, partial(_as_placed, self.continued(name, found)))
+                self.go_on(name, found)
             else:
                 self.own[name] = found
         return any(found.fit is not None and found.fit.accepted for found in searches.values())
@@ -208,7 +196,7 @@ class _Run:
         self.attend_together(names, anchors)
         for name in names:
             if name in self.waiting:
-                self.attend(name, partial(_as_placed, Search(None, (TOO_FEW,), ("block",))))
+                self.attend(name, partial(attempts.as_placed, Search(None, (TOO_FEW,), ("block",))))
 
     def doubt(self, name: str, reason: str) -> None:
         """The photo stays registered, but others do not bear it out: none is sought through it."""
@@ -217,29 +205,74 @@ class _Run:
         self.settle(PhotoOutcome(name, record, False, reason))
         self.keeper.add(record, trace or Trace(self.asked, (), (), {}))
 
-    def continued(self, name: str, found: Search) -> Search:
-        """A search after what was tried of the photo before."""
-        outcome, trace = self.outcomes.get(name), self.traces[name]
-        if outcome is None or trace is None:
-            return found
-        reasons = (outcome.reason, *found.refusals) if found.fit is None else ()
-        return replace(found, refusals=reasons, tried=(*trace.tried, *found.tried))
+    def go_on(self, name: str, found: Search) -> None:
+        """What several photos together said of one, after what was tried of it before."""
+        search = attempts.continued(found, self.outcomes.get(name), self.traces[name])
+        self.attend(name, partial(attempts.as_placed, search))
 
-    def placed(self, names: Names, anchors: Mapping[str, CameraRecord]) -> dict[str, Search]:
-        """What the block says of each photo; what nobody foresaw in it is said of all of them."""
+    def placed(
+        self, names: Names, anchors: Mapping[str, CameraRecord], how: attempts.Placing
+    ) -> dict[str, Search]:
+        """What is said of each of several photos that are placed together; what nobody foresaw in
+        it is said of all of them.
+        """
         told: Mapping[str, Fit | str]
         try:
             told = attended(
-                ", ".join(names), lambda: _block(self.bench, names, anchors, self.progress)
+                ", ".join(names), lambda: how(self.bench, names, anchors, self.progress)
             )
         except PhotoFaultError as error:
             told = dict.fromkeys(names, str(error))
             self.faulty |= set(names)
-        return {
-            name: Search(None, (fit,), ("block",)) if isinstance(fit, str)
-            else Search().then([("block", partial(believed, fit))])
-            for name, fit in told.items()
-        }  # fmt: skip
+        return attempts.as_searches(told)
+
+    def attend_by_agreement(self) -> bool:
+        """Bring failed photos from rough cameras to agree; returns whether one was found."""
+        names = tuple(n for n in self.newly_failed if self.job(n).starts_somewhere)
+        searches = self.placed(names, self.registered, attempts.by_agreement) if names else {}
+        found = {n: s for n, s in searches.items() if s.fit is not None and s.fit.accepted}
+        self.blocks |= dict.fromkeys(found, names)
+        for name, search in found.items():
+            self.go_on(name, search)
+        return bool(found)
+
+    @property
+    def new(self) -> Names:
+        """The photos that were registered in this run, or in one that was interrupted."""
+        return tuple(n for n, o in self.outcomes.items() if attempts.is_new(o) and self.traces[n])
+
+    def judge(self) -> bool:
+        """Refuse the new photos that others contradict; returns whether there was one."""
+        if not self.new or len(self.registered) < 2:
+            return False
+        found = attempts.judged(self.bench, self.registered, self.new)
+        for name, told in found.items():
+            if told.refusal:
+                tried = trace.tried if (trace := self.traces[name]) else ()
+                self.own[name] = Search(None, (told.refusal,), tried)
+                self.attend(name, partial(attempts.as_placed, self.own[name]))
+            else:
+                self.note(name, told.proof, "")
+                self.notes[name] = told.note
+        return any(told.refusal for told in found.values())
+
+    def tell_what_it_rests_on(self) -> None:
+        """Note it with the photos of this run where the mesh does not tell their place."""
+        if not self.new:
+            return
+        what = attempts.told_rests_on(self.bench, self.registered)
+        for name in self.new:
+            picked = self.entries[name].method == "points"
+            told = filter(None, [self.notes.get(name), what if picked else ""])
+            self.note(name, {"rests_on": what} if what else {}, "; ".join(told))
+
+    def note(self, name: str, proof: dict[str, Any], note: str) -> None:
+        """More to tell of a photo; its camera is the same."""
+        record, trace = attempts.noted(self.entries[name], proof, note), self.traces[name]
+        assert trace is not None
+        self.entries[name], reason = record, record.quality["reason"]
+        self.outcomes[name] = replace(self.outcomes[name], record=record, reason=reason)
+        self.keeper.add(record, trace)
 
     def attend_alone(self) -> None:
         """Photo by photo, by the method that was asked for or by the photo's own means."""
@@ -255,7 +288,7 @@ class _Run:
 
     def attend_through_others(self) -> None:
         """What the photos that are registered show of others, and those of others again."""
-        search = self.by_others if self.asked == AUTO else _by_features
+        search = self.by_others if self.asked == AUTO else attempts.by_features
         self.look_for_companions()
         wave = Wave(self.evidence, self.strength, self.waits)
         for name in self.chosen:
@@ -324,11 +357,11 @@ class _Run:
         done = min(len(self.outcomes), len(self.chosen) - 1)
         self.progress(STAGE, done, len(self.chosen), name)
         job, before = self.job(name), self.entries.get(name)
-        found, why = _searched(job, search)
+        found, why = attempts.searched(job, search)
         self.faulty |= {name} if FAULT in why else set()
         if found.fit is None and name in self.faulty:
             why = {**why, FAULT: True}
-        record = _record(job, found, why)
+        record = attempts.record_of(job, found, why)
         record = replace(record, extra=before.extra if before is not None else {})
         tried = tuple(dict.fromkeys([*self.own.get(name, Search()).tried, *found.tried]))
         self.settle(PhotoOutcome(name, record, False, record.quality.get("reason", "")))
@@ -364,35 +397,3 @@ class _Run:
         )
         if read != trace.inputs:
             self.keeper.add(record, replace(trace, inputs=read))
-
-
-def _by_features(job: Job) -> Search:
-    return search_as_asked(job, "features")
-
-
-def _as_placed(found: Search, _: Job) -> Search:
-    """What a step said of a photo, as a search of it."""
-    return found
-
-
-def _searched(job: Job, search: Callable[[Job], Search]) -> tuple[Search, dict[str, Any]]:
-    """What came of a search, and what to note where a photo cannot be used or met a fault."""
-    try:
-        return attended(job.name, partial(search, job)), {}
-    except PhotoFaultError as error:
-        return Search(None, (str(error),), tuple(METHODS)), {FAULT: True}
-    except InputError as error:
-        return Search(None, (str(error).removeprefix(f"{job.name}: "),)), {UNUSABLE: True}
-
-
-def _record(job: Job, found: Search, why: dict[str, Any]) -> CameraRecord:
-    """The entry that a search makes."""
-    start = job.start
-    if start is not None:
-        status = "prior" if start.status == "registered" else start.status
-        start = replace(start, status=status, extra={}, refinement=None)
-    if found.fit is None:
-        quality = {"reason": found.reason, **why}
-        return failed_record(job.project, job.name, start, quality)
-    make = registered_record if found.fit.accepted else refused_record
-    return make(job.project, job.name, start, found.fit)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from texproj.project import Project
-from texproj.records import DOUBTED, THROUGH
+from texproj.records import DOUBTED, PROOF, THROUGH
 from texproj.stages.entries import is_refined
 from texproj.stages.outcomes import PhotoOutcome
 
@@ -25,6 +25,7 @@ def story(photos: Sequence[PhotoOutcome], refined: bool, left_out: Mapping[str, 
     parts = [*_blocks(found), *_others(found)]
     if refined and (errors := _errors_px(found)):
         parts.append(f"refined to {np.median(errors):.1f} px")
+    parts += _rests_on(found)
     doubted = [photo.name for photo in found if photo.record.quality.get(DOUBTED)]
     if doubted:
         parts.append(f"other photos do not bear out {_named(doubted)}")
@@ -55,6 +56,8 @@ def _why_there(placed: Sequence[Mapping[str, Any]]) -> str:
     if sure is not None:
         return f"structure {sure['support']:.0%}, next best place {sure['rival']:.0%}"
     through = dict.fromkeys(name for q in placed for name in q.get(THROUGH, ()))
+    if not through:
+        return "from rough cameras to where they agree with each other"
     return f"held by {_named([*through])}"
 
 
@@ -63,6 +66,12 @@ def _others(found: Sequence[PhotoOutcome]) -> Iterator[str]:
     counts = {method: methods.count(method) for method in dict.fromkeys(methods)}
     if counts:
         yield ", ".join(f"{count} found by {method}" for method, count in counts.items())
+
+
+def _rests_on(found: Sequence[PhotoOutcome]) -> list[str]:
+    """What the place on the mesh rests on, where the mesh does not tell it."""
+    told = [photo.record.quality.get(PROOF, {}).get("rests_on") for photo in found]
+    return list(dict.fromkeys(one for one in told if one))
 
 
 def _errors_px(found: Sequence[PhotoOutcome]) -> list[float]:

@@ -11,11 +11,13 @@ from texproj.register.block.certainty import certainty
 from texproj.register.block.cloud import LEAST_POINTS, Cloud
 from texproj.register.block.decide import Judged, same_place
 from texproj.register.block.mirror_test import MirrorTest, mirror_test
+from texproj.register.block.placed_block import PlacedBlock
 from texproj.register.block.propose import proposers
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.block.scan import Scan
 from texproj.register.block.search import Search, Told
-from texproj.register.block.verdict import doubt, refusal
+from texproj.register.block.slides import slides, untold
+from texproj.register.block.verdict import doubt, refusal, slippery
 from texproj.register.block.witnesses import LoadPhoto, Witness, called
 from texproj.render import Render
 
@@ -69,7 +71,7 @@ def _concluded(
     rival = max((j.support for j in elsewhere), default=0.0)
     search.told("looking at details", 0.7)
     sure = certainty(witnesses, best)
-    reason = refusal(sure.support, rival)
+    reason = _slides_away(best, sure.placed, witnesses) or refusal(sure.support, rival)
     mirror = MirrorTest(0.0)
     if not reason:
         search.told("comparing with the mirror image", 0.8)
@@ -95,3 +97,19 @@ def _concluded(
             "photos_unreadable": broken,
         },
     )
+
+
+def _slides_away(best: Judged, placed: PlacedBlock, witnesses: tuple[Witness, ...]) -> str:
+    """Why the place is not to be believed, where the mesh slides along itself and its edges do not
+    tell how far; empty if they do.
+    """
+    samples = best.place.proposer.scan.samples
+    xyz = samples.world_from_unit.apply(samples.xyz)
+    asked = witnesses[:ASKED]
+    left = untold(
+        [placed.camera(w.in_block) for w in asked],
+        [w.photo for w in asked],
+        asked[0].render,
+        slides(xyz, samples.normal.astype(np.float64)),
+    )
+    return slippery(left[0].words) if left else ""

@@ -24,6 +24,11 @@ def refusal(support: float, rival: float) -> str:
     return ""
 
 
+def slippery(motion: str) -> str:
+    """Why a place on a mesh that is the same after a motion is not to be believed."""
+    return f"the mesh looks the same when {motion}; pick 8 points in one photo"
+
+
 def doubt(mirror: MirrorTest) -> str:
     """What the mirror test says against a place; empty if nothing."""
     if mirror.refused:

@@ -1,0 +1,137 @@
+"""Do two photos show one surface through the mesh, more than chance lets any two photos do?
+
+One photo is warped into the other through the mesh. Where both cameras are about right, most of
+its patches are found displaced by one and the same small vector; where one is wrong, anywhere. What
+chance does with these very photos is measured, not assumed: the same patches are sought at places
+that they do not belong to. Method: ours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy import stats
+
+from texproj.arrays import Bools, Doubles, Index
+from texproj.register.joint.ties import (
+    PATCH_PX,
+    RIM_PX,
+    Lookup,
+    corner_grid,
+    gradient_field,
+    warped,
+)
+from texproj.register.proof.texture import textured
+from texproj.solve.matching import match_patches
+from texproj.solve.orientation import Field
+
+WORKING_PX = 512
+"""Longer side of the reduced photos: all lengths here are for this size."""
+RADIUS_PX = 8
+"""How far a patch is sought: cameras before refinement are off by up to .5 % each."""
+TOGETHER_PX = 2.0
+"""Patches displaced alike within this distance agree."""
+ASIDE_PX = 3 * RADIUS_PX
+"""How far off patches are sought for what chance does."""
+MOST_PATCHES, LEAST_PATCHES = 160, 25
+"""Of a pair, spread evenly; and with fewer a pair says nothing."""
+LEAST_CHANCE = 0.08
+"""No smaller share is taken for chance: that of the largest group of vectors in the window."""
+AGREE, ODDS = 0.25, 1e-5
+"""Share that agrees, and probability that chance does as well, from which on a pair agrees: right
+cameras of real scenes have .3 to .9, wrong ones .05 to .16."""
+CHANCE_ODDS = 1e-3
+"""Probability of chance above which it explains what agrees ..."""
+RIGHT_SHARE, RIGHT_ODDS = 0.35, 0.02
+"""... and share that right cameras have at least, with the probability below which they do not
+explain it: then a pair shows nothing of the same."""
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Of `sought` patches `together` were displaced alike, by `apart_px` pixels of the working
+    size; chance: the share that does so at places where they do not belong.
+    """
+
+    sought: int
+    together: int
+    chance: float
+    apart_px: float = 0.0
+
+    @property
+    def share(self) -> float:
+        return self.together / max(self.sought, 1)
+
+    @property
+    def tells(self) -> bool:
+        """Whether there was enough to compare."""
+        return self.sought >= LEAST_PATCHES
+
+    @property
+    def odds(self) -> float:
+        """Probability that chance brings so many together."""
+        return float(stats.binom.sf(self.together - 1, self.sought, self.chance))
+
+    @property
+    def agrees(self) -> bool:
+        return self.tells and self.share >= AGREE and self.odds <= ODDS
+
+    @property
+    def contradicts(self) -> bool:
+        """Chance explains what agrees, right cameras do not."""
+        right = float(stats.binom.cdf(self.together, self.sought, RIGHT_SHARE))
+        return self.tells and self.odds >= CHANCE_ODDS and right < RIGHT_ODDS
+
+
+def agreement(i: int, j: int, views: Lookup) -> Agreement:
+    """Photo j warped into photo i, patch by patch."""
+    here, other = views[i], views[j]
+    there, shared = warped(here, other)
+    kernel = np.ones((2 * RIM_PX + 1,) * 2, np.uint8)
+    seen = (shared & textured(here.gray)).astype(np.uint8)
+    solid = cv2.erode(seen, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0) > 0
+    centers = _thinned(corner_grid(here.corners, solid))
+    template = gradient_field(there)
+    sought, together, apart = _together(template, here.gradients, centers)
+    aside, left = _aside(solid, centers)
+    others, by_chance, _ = _together(template, np.roll(here.gradients, aside, axis=(1, 0)), left)
+    chance = max(LEAST_CHANCE, by_chance / others if others >= LEAST_PATCHES else 0.0)
+    return Agreement(sought, together, chance, apart)
+
+
+def _together(template: Field, image: Field, centers: Index) -> tuple[int, int, float]:
+    """How many patches there are, how many of them are displaced alike, and by how much."""
+    found = match_patches(template, image, centers, PATCH_PX, RADIUS_PX)
+    shift = found.target_px - found.source_px
+    if not len(shift):
+        return len(centers), 0, 0.0
+    near = _near(shift)
+    best = int(near.sum(axis=1).argmax())
+    apart = float(np.linalg.norm(np.median(shift[near[best]], axis=0)))
+    return len(centers), int(near[best].sum()), apart
+
+
+def _near(shift: Doubles) -> Bools:
+    """(n, n) which of (n, 2) vectors are alike."""
+    gap: Bools = np.linalg.norm(shift[:, None] - shift[None], axis=2) < TOGETHER_PX
+    return gap
+
+
+def _aside(solid: Bools, centers: Index) -> tuple[tuple[int, int], Index]:
+    """A vector to places where patches do not belong, negative, and those of the centers that
+    still meet the surface there.
+    """
+    tried = []
+    for dx, dy in ((ASIDE_PX, 0), (0, ASIDE_PX), (-ASIDE_PX, 0), (0, -ASIDE_PX)):
+        x, y = centers.T + np.array([[dx], [dy]])
+        inside = (x >= 0) & (y >= 0) & (x < solid.shape[1]) & (y < solid.shape[0])
+        inside[inside] = solid[y[inside], x[inside]]
+        tried.append(((-dx, -dy), centers[inside]))
+    return max(tried, key=lambda one: len(one[1]))
+
+
+def _thinned(centers: Index) -> Index:
+    keep = np.linspace(0, len(centers) - 1, min(MOST_PATCHES, len(centers))).round().astype(int)
+    return centers[keep]
