@@ -17,8 +17,8 @@ from texproj.arrays import Bools, Doubles
 from texproj.camera import Camera
 from texproj.options import RefineOptions
 from texproj.register.joint.lenses import PhotoStart
-from texproj.register.joint.refined import Refined
 from texproj.register.joint.refine import refine
+from texproj.register.joint.refined import Refined
 from texproj.register.joint.session import LoadPhoto, anchor_points
 from texproj.register.proof.camps import Ruling
 from texproj.register.proof.judge import judge
