@@ -46,9 +46,10 @@ from texproj.options import RenderOptions
 from texproj.photo import Photo
 from texproj.records import PROOF
 from texproj.register.joint.overlap import choose_partners, shared_views
-from texproj.register.joint.session import Kept, Views
+from texproj.register.joint.session import Kept
 from texproj.register.proof.agreement import WORKING_PX, agreement
 from texproj.register.proof.judge import PARTNERS
+from texproj.register.proof.through_mesh import Views
 from texproj.render import open_renderer
 from texproj.repair import repair
 from texproj.stages.bench import Workbench

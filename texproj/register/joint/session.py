@@ -11,15 +11,12 @@ import numpy as np
 from texproj.arrays import Doubles
 from texproj.camera import Camera
 from texproj.photo import Photo
-from texproj.register.joint.ties import PhotoView, photo_view
 from texproj.render import Render
 
 Cameras = tuple[Camera, ...]
 LoadPhoto = Callable[[int, int], Photo]
 """``load_photo(number, longest)``: the photo with its longer side reduced to `longest`."""
 
-KEPT_PHOTOS, KEPT_VIEWS = 48, 8
-"""How many reduced photos, and how many of them with their renderings, stay in memory."""
 ANCHOR_POINTS = 24
 
 K = TypeVar("K", bound=Hashable)
@@ -41,27 +38,6 @@ class Kept(OrderedDict[K, V]):
                 self.popitem(last=False)
         self.move_to_end(key)
         return self[key]
-
-
-class Views:
-    """Photos with their renderings at one working size, for given cameras."""
-
-    def __init__(
-        self, cameras: Cameras, photos: Kept[tuple[int, int], Photo], longest: int,
-        load_photo: LoadPhoto, render: Render,
-    ) -> None:  # fmt: skip
-        self._cameras, self._photos, self._longest = cameras, photos, longest
-        self._load, self._render = load_photo, render
-        self._kept: Kept[int, PhotoView] = Kept(KEPT_VIEWS)
-
-    def __getitem__(self, k: int) -> PhotoView:
-        return self._kept.fetch(k, lambda: self._make(k))
-
-    def _make(self, k: int) -> PhotoView:
-        key = (k, self._longest)
-        photo = self._photos.fetch(key, lambda: self._load(k, self._longest))
-        camera = self._cameras[k].resized(photo.width, photo.height)
-        return photo_view(camera, photo.gray(), self._render(camera), photo.mask)
 
 
 def anchor_points(cameras: Sequence[Camera], render: Render) -> list[Doubles]:

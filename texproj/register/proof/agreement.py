@@ -18,12 +18,11 @@ from texproj.arrays import Bools, Doubles, Index
 from texproj.register.joint.ties import (
     PATCH_PX,
     RIM_PX,
-    Lookup,
     corner_grid,
     gradient_field,
-    warped,
 )
 from texproj.register.proof.texture import textured
+from texproj.register.proof.through_mesh import Lookup, thinned, warped
 from texproj.solve.matching import match_patches
 from texproj.solve.orientation import Field
 
@@ -92,7 +91,7 @@ def agreement(i: int, j: int, views: Lookup) -> Agreement:
     kernel = np.ones((2 * RIM_PX + 1,) * 2, np.uint8)
     seen = (shared & textured(here.gray)).astype(np.uint8)
     solid = cv2.erode(seen, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0) > 0
-    centers = _thinned(corner_grid(here.corners, solid))
+    centers = thinned(corner_grid(here.corners, solid), MOST_PATCHES)
     template = gradient_field(there)
     sought, together, apart = _together(template, here.gradients, centers)
     aside, left = _aside(solid, centers)
@@ -130,8 +129,3 @@ def _aside(solid: Bools, centers: Index) -> tuple[tuple[int, int], Index]:
         inside[inside] = solid[y[inside], x[inside]]
         tried.append(((-dx, -dy), centers[inside]))
     return max(tried, key=lambda one: len(one[1]))
-
-
-def _thinned(centers: Index) -> Index:
-    keep = np.linspace(0, len(centers) - 1, min(MOST_PATCHES, len(centers))).round().astype(int)
-    return centers[keep]

@@ -6,9 +6,10 @@ from collections.abc import Collection, Sequence
 
 from texproj.camera import Camera
 from texproj.register.joint.overlap import choose_partners, shared_views
-from texproj.register.joint.session import KEPT_PHOTOS, Kept, LoadPhoto, Views
+from texproj.register.joint.session import Kept, LoadPhoto
 from texproj.register.proof.agreement import WORKING_PX, agreement
 from texproj.register.proof.camps import Ruling, rulings
+from texproj.register.proof.through_mesh import KEPT_PHOTOS, Views
 from texproj.render import Render
 
 PARTNERS = 3

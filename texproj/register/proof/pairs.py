@@ -13,17 +13,16 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from texproj.arrays import Doubles, Index
+from texproj.arrays import Doubles
 from texproj.register.joint.ties import (
     LEAST_SCORE,
     PATCH_PX,
     RIM_PX,
-    Lookup,
     corner_grid,
     gradient_field,
-    warped,
 )
 from texproj.register.proof.texture import textured
+from texproj.register.proof.through_mesh import Lookup, thinned, warped
 from texproj.solve.matching import match_patches
 
 RADIUS_PX = 8
@@ -80,13 +79,8 @@ def compare_pair(i: int, j: int, views: Lookup) -> PairAgreement:
     there, shared = warped(here, other)
     kernel = np.ones((2 * RIM_PX + 1,) * 2, np.uint8)
     solid = cv2.erode((shared & textured(here.gray)).astype(np.uint8), kernel) > 0
-    centers = _thinned(corner_grid(here.corners, solid))
+    centers = thinned(corner_grid(here.corners, solid), MOST_PATCHES)
     found = match_patches(gradient_field(there), here.gradients, centers, PATCH_PX, RADIUS_PX)
     offset = np.linalg.norm(found.target_px - found.source_px, axis=1)
     placed = np.unique(found.patch[offset < PLACED_PX])
     return PairAgreement(len(centers), len(placed), offset[found.score >= LEAST_SCORE])
-
-
-def _thinned(centers: Index) -> Index:
-    keep = np.linspace(0, len(centers) - 1, min(MOST_PATCHES, len(centers))).round().astype(int)
-    return centers[keep]

@@ -17,9 +17,10 @@ import numpy as np
 
 from texproj.camera import Camera
 from texproj.register.joint.overlap import choose_partners, shared_views
-from texproj.register.joint.session import KEPT_PHOTOS, Kept, LoadPhoto, Views
+from texproj.register.joint.session import Kept, LoadPhoto
 from texproj.register.proof.alone import Glance, StructureLook, glance, look
 from texproj.register.proof.pairs import PLACED_PX, PairAgreement, compare_pair
+from texproj.register.proof.through_mesh import KEPT_PHOTOS, Views
 from texproj.render import Render
 
 WORKING_PX = 768
