@@ -259,6 +259,14 @@ def chain(monkeypatch, first: str):
     return calls
 
 
+def test_who_had_a_start_is_not_told_that_there_was_none():
+    """What was tried says why it failed; the rest of the methods had nothing to try."""
+    nothing = Search().reason
+
+    assert nothing.startswith("nothing to start from")
+    assert Search(None, ("too far off", nothing)).reason == "too far off"
+
+
 def test_the_wave_goes_on_until_nothing_changes(tmp_path, monkeypatch):
     """Photos against the order of their names, each found through the one after it: all in one
     run, none tried again before those that have more to go by; a second run has nothing to do.

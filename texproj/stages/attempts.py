@@ -122,7 +122,8 @@ def record_of(job: Job, found: Search, why: dict[str, Any]) -> CameraRecord:
         status: Status = "prior" if start.status == "registered" else start.status
         start = replace(start, status=status, extra={}, refinement=None)
     if found.fit is None:
-        quality = {"reason": found.reason, **why}
+        reason = found.reason.replace(f"{job.name}: ", "")  # whoever tells it names the photo
+        quality = {"reason": reason, **why}
         return failed_record(job.project, job.name, start, quality)
     make = registered_record if found.fit.accepted else refused_record
     return make(job.project, job.name, start, found.fit)

@@ -83,8 +83,10 @@ class Search:
 
     @property
     def reason(self) -> str:
-        """Why there is no fit."""
-        return "; ".join(dict.fromkeys(self.refusals)) or NOTHING_TO_START_FROM
+        """Why there is no fit: what was refused, or else that there was nothing to try."""
+        told = dict.fromkeys(self.refusals)
+        told.pop(NOTHING_TO_START_FROM, None)
+        return "; ".join(told) or NOTHING_TO_START_FROM
 
     def then(self, attempts: Iterable[Attempt]) -> Search:
         """This search continued; nothing more is tried where there is a fit already."""
