@@ -1,5 +1,6 @@
 """Every camera format both ways: within 0.05 px of what its own definition says."""
 
+import ast
 import json
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import pytest
 from texproj.camera import Camera, Intrinsics, Pose
 from texproj.errors import InputError
 from texproj.formats.interchange import FORMATS, READERS, WRITERS, Shot, detect
+from texproj.formats.interchange.blender import write_blender
 
 SAMPLES = Path(__file__).parent / "cameras"
 SIZE = (1000, 750)
@@ -214,6 +216,22 @@ def test_pycolmap_reads_the_model(kind, tmp_path):
     told = [image.project_point(point) for point in POINTS]
 
     np.testing.assert_allclose(told, camera.project(POINTS)[0], rtol=0, atol=1e-6)
+
+
+def test_a_name_is_no_part_of_the_script():
+    """Whatever the names of mesh and photo hold, Blender's script reads them as they are."""
+    name = "a'b\"\"\"\\\n__import__('os')#\U0001f600{x}.ply"
+    shot = Shot(name, f"../{name}", camera_of(900, 900, 507, 366, STRAIGHT))
+    script = write_blender([shot], name).files["cameras.py"]
+    values = {
+        ast.unparse(node.targets[0]): node.value
+        for node in ast.parse(script).body
+        if isinstance(node, ast.Assign)
+    }
+
+    assert ast.literal_eval(values["MESH"]) == name
+    [entry] = json.loads(ast.literal_eval(values["CAMERAS"].args[0]))
+    assert (entry["name"], entry["photo"]) == (name, f"../{name}")
 
 
 def test_blender_builds_the_scene(tmp_path):

@@ -8,7 +8,7 @@ import pytest
 
 from texproj.editing.masks import Stroke, draw_on_mask, mask_of, steps_back, stroked, undo_mask
 from texproj.editing.toml import TOP, Change, change_settings, edited, leave_out
-from texproj.errors import InputError, UsageError
+from texproj.errors import InputError, OutputError, UsageError
 from texproj.project import Project
 
 WRITTEN = """# our scan
@@ -140,3 +140,15 @@ def test_a_mask_that_a_person_made_comes_back_byte_by_byte(project):
     undo_mask(again(project), "a.jpg")
     assert path.read_bytes() == data
     assert [p.name for p in (project.root / "masks").iterdir()] == ["a_mask.jpg"]
+
+
+def test_a_stroke_that_cannot_be_written_is_no_step(project):
+    """A folder stands where the mask would be; what nobody numbered is no step either."""
+    (project.root / "masks" / "a.png").mkdir(parents=True)
+    kept = project.work / "masks" / "a.jpg"
+    kept.mkdir(parents=True)
+    (kept / "1x-a.png").write_text("not ours")
+    with pytest.raises(OutputError, match=r"a\.png: there is a folder"):
+        draw_on_mask(again(project), "a.jpg", Stroke("clear"))
+
+    assert steps_back(project, "a.jpg") == 0

@@ -57,6 +57,21 @@ def test_a_path_through_a_file_is_refused(tmp_path):
         write_atomically(tmp_path / "out" / "model.ply", b"")
 
 
+def test_a_folder_in_the_way_leaves_all_files(tmp_path):
+    """A folder of the name of one of several files is named; none of the files has changed."""
+    (tmp_path / "a").write_text("old a")
+    (tmp_path / "b").mkdir()
+    with (
+        pytest.raises(OutputError, match="b: there is a folder of that name"),
+        staging(tmp_path) as folder,
+    ):
+        (folder / "a").write_text("new a")
+        (folder / "b").write_text("new b")
+
+    assert (tmp_path / "a").read_text() == "old a"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a", "b"]
+
+
 def test_the_order_of_keys_does_not_change_a_hash():
     """Settings written in another order are the same settings."""
     assert json_hash({"a": 1, "b": [2.5]}) == json_hash({"b": [2.5], "a": 1})

@@ -117,6 +117,8 @@ def test_one_file_without_a_network(page):
     assert "http://" not in text and "https://" not in text
     assert text.count('class="wipe"') == 4
     assert "up is y, by the settings" in text
+    assert "<<<<<<<" not in text and ">>>>>>>" not in text  # what a merge leaves to be settled
+    assert text.count("<th>made by</th>") == 1
 
 
 def test_the_model_is_drawn_and_turns(page, browser):

@@ -53,9 +53,12 @@ def staging(target: Path) -> Iterator[Path]:
         folder = Path(tempfile.mkdtemp(prefix=STAGING_PREFIX, dir=target))
         with FileLock(folder / CLAIM):
             yield folder
-            for file in sorted(folder.iterdir()):
-                if file.name != CLAIM:
-                    file.replace(target / file.name)
+            made = sorted(file for file in folder.iterdir() if file.name != CLAIM)
+            for file in made:  # a folder would stop it halfway
+                if (target / file.name).is_dir():
+                    raise IsADirectoryError(errno.EISDIR, "a folder", str(target / file.name))
+            for file in made:
+                file.replace(target / file.name)
     except OSError as error:
         raise OutputError(write_failure(target, error)) from error
     finally:
@@ -88,9 +91,12 @@ def write_failure(target: Path, error: OSError) -> str:
         errno.EPERM: "it is not writable; check its permissions",
         errno.EROFS: "it is on a read-only disk; use another place",
         errno.EEXIST: "there is a file of that name; move it away",
+        errno.EISDIR: "there is a folder of that name; move it away",
         errno.ENOTDIR: "a part of that path is a file; move it away",
     }
     reason = reasons.get(error.errno or 0, f"{error.strerror or error}")
+    if error.errno == errno.EISDIR and error.filename:
+        target = Path(str(error.filename))
     return f"cannot write to {target}: {reason} (what was there before is unchanged)"
 
 

@@ -25,6 +25,9 @@ MOST_KEPT = 30
 """Steps that can be taken back; the file as it was before the first one is kept besides."""
 
 SUFFIX = ".png"
+DIGITS = 6
+"""Of the number of what is kept."""
+
 NO_MASK = ".none"
 """Ending of what is kept in place of a mask that was not there."""
 
@@ -108,11 +111,17 @@ def draw_on_mask(project: Project, name: str, stroke: Stroke) -> None:
     if not ok:
         raise OutputError(f"the mask of {name} could not be written as png")
     before = project.mask_path(name)
-    _keep(project, name, before)
+    step = _keep(project, name, before)
     target = before if before is not None and before.suffix.lower() == SUFFIX else None
-    write_atomically(target or _usual(project, name), data.tobytes())
+    try:
+        write_atomically(target or _usual(project, name), data.tobytes())
+    except OutputError:
+        step.unlink(missing_ok=True)  # nothing was done that could be taken back
+        raise
     if before is not None and target is None:
         before.unlink()
+    for old in _kept(project, name)[1:-MOST_KEPT]:
+        old.unlink(missing_ok=True)
 
 
 def steps_back(project: Project, name: str) -> int:
@@ -149,18 +158,14 @@ def _folder(project: Project, name: str) -> Path:
 
 def _kept(project: Project, name: str) -> list[Path]:
     folder = _folder(project, name)
-    return sorted(folder.glob("[0-9]*-*")) if folder.is_dir() else []
+    return sorted(folder.glob("[0-9]" * DIGITS + "-?*")) if folder.is_dir() else []
 
 
-def _keep(project: Project, name: str, before: Path | None) -> None:
-    """Copy the mask aside, under a number and its own name."""
+def _keep(project: Project, name: str, before: Path | None) -> Path:
+    """Copy the mask aside, under a number and its own name; the copy."""
     kept = _kept(project, name)
     number = int(kept[-1].name.split("-", 1)[0]) + 1 if kept else 1
     label = f"{before.name}" if before is not None else f"mask{NO_MASK}"
-    target = _folder(project, name) / f"{number:06d}-{label}"
-    if before is None:
-        write_atomically(target, b"")
-    else:
-        write_atomically(target, before.read_bytes())
-    for old in kept[1 : len(kept) + 1 - MOST_KEPT]:
-        old.unlink(missing_ok=True)
+    target = _folder(project, name) / f"{number:0{DIGITS}d}-{label}"
+    write_atomically(target, b"" if before is None else before.read_bytes())
+    return target

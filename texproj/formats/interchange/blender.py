@@ -91,7 +91,7 @@ def write_blender(shots: Sequence[Shot], mesh: str) -> Written:
     """cameras.py; `mesh`: its path as seen from there."""
     entries = [_entry(shot) for shot in shots]
     text = json.dumps(entries, indent=1).replace("\\", "\\\\").replace('"""', '\\"\\"\\"')
-    script = SCRIPT.format(mesh=json.dumps(mesh), cameras=text)
+    script = SCRIPT.format(mesh=ascii(mesh), cameras=text)
     notes = {shot.name: note for shot in shots if (note := _lost(shot.camera.intrinsics))}
     return Written({"cameras.py": script.encode()}, notes)
 
