@@ -1,6 +1,7 @@
 """Make the pictures of the web page for README: `python tests/make_screenshots.py DEMO OUT`.
 
-DEMO: a finished project, as `texproj demo DEMO` makes it; it is copied, not changed.
+DEMO: a finished project, as `texproj demo DEMO` makes it (for "picking" projects/stele after
+`texproj run`, which has picks); it is copied, not changed.
 OUT: folder for the pictures. Needs Playwright and Chromium (TEXPROJ_BROWSER, default `chromium`).
 """
 
