@@ -82,7 +82,7 @@ def cameras(folder: Path) -> dict[str, dict]:
 
 def by_themselves(entries: dict[str, dict]) -> dict[str, dict]:
     """The entries without what the other photos say of them."""
-    said = ("proof", "reason")
+    said = ("proofs", "reason")
     return {
         name: {**entry, "quality": {k: v for k, v in entry["quality"].items() if k not in said}}
         for name, entry in entries.items()

@@ -18,7 +18,7 @@ Method = Literal[
 ]
 THROUGH = "through"
 """Key of an entry's quality: the photos through which it was found, where it was."""
-PROOF = "proof"
+PROOF = "proofs"
 """Key of an entry's quality: what speaks for and against its camera."""
 DOUBTED = "not_borne_out"
 """Key of a registered entry's quality: other photos that overlap do not bear it out, so no photo is

@@ -65,9 +65,13 @@ def judged(
 
 
 def is_new(outcome: PhotoOutcome) -> bool:
-    """Whether the others have to be asked about a registered photo."""
+    """Whether the others have to be asked about a registered photo: one of this run, or one of a
+    run that was interrupted before it asked. What was refined since then stays as it is.
+    """
     record = outcome.record
-    return not outcome.failed and record.sought and not (outcome.kept and PROOF in record.quality)
+    if outcome.failed or not record.sought:
+        return False
+    return not outcome.kept or (PROOF not in record.quality and record.refinement is None)
 
 
 def told_rests_on(bench: Workbench, registered: Mapping[str, CameraRecord]) -> str:

@@ -86,7 +86,11 @@ class Sources:
         return self._files[name]
 
     def picture(self, name: str) -> str | None:
-        """The photo itself; None if it is not in the project any more."""
+        """The photo itself, left out or not: what was found through it was found all the same; None
+        if it is not in the project any more.
+        """
+        if name in self.project.settings.exclude:
+            return file_inputs(self.project, photo=self.project.photos / name)["photo"]
         return self.files(name)["photo"] if name in self.project.photo_paths else None
 
     def pictures(self, names: tuple[str, ...]) -> str:

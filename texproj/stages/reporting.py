@@ -157,7 +157,8 @@ def _color_facts(record: dict[str, Any]) -> dict[str, Any]:
 
 
 def _refinement(project: Project, records: dict[str, CameraRecord]) -> str:
-    registered = [r for r in records.values() if r.registered_camera is not None]
+    names = project.photo_names
+    registered = [records[n] for n in names if n in records and records[n].registered_camera]
     refined = sum(is_refined(r) for r in registered)
     if refined:
         return f"{refined} of {len(registered)} cameras refined together"
