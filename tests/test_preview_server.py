@@ -600,6 +600,23 @@ def test_links_out_of_the_project_are_not_followed(own, tmp_path):
     assert secret.read_text() == "u,v,x,y,z\n"
 
 
+def test_a_setting_names_only_what_is_in_the_project(own):
+    """A chart elsewhere would be shown, or colors made from it; what is no number is refused."""
+    page = own[1]
+    base = page.get("/api/settings").json()["version"]
+    for table, key in (("color", "checker"), ("light", "gray")):
+        for path in ("/etc/passwd", "../own.png", "nothing.png"):
+            changes = [{"table": table, "key": key, "value": path}]
+            answer = page.patch("/api/settings", json={"changes": changes, "base": base})
+            assert (answer.status_code, "in the project" in answer.text) == (400, True)
+    changes = [{"table": "color", "key": "bits", "value": float("nan")}]
+    text = json.dumps({"changes": changes, "base": base})
+    answer = page.patch("/api/settings", content=text, headers={"content-type": "application/json"})
+
+    assert (answer.status_code, "cannot have that value" in answer.text) == (400, True)
+    assert page.get("/api/settings").json()["version"] == base
+
+
 def test_no_line_of_a_linked_text_reaches_the_browser(own, tmp_path):
     """Picks, cameras, settings and mesh that are links out of the project are not quoted."""
     root, page = own

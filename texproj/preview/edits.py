@@ -38,6 +38,9 @@ MOST_CORNERS = 5000
 MOST_RADIUS_PX = 5000.0
 FARTHEST_PX = 2e6
 """A corner further off than ten of the largest photos is no place on one."""
+PATHS = ("checker", "gray")
+"""Settings that name a photo in the project."""
+
 KINDS = ("paint", "erase", "grow", "clear")
 
 
@@ -80,7 +83,7 @@ class EditHandlers:
         """Paths that a setting names stay in the project."""
         inside(project.root / SETTINGS_FILE, project.root)
         for change in changes:
-            if change.key == "checker" and isinstance(change.value, str):
+            if change.key in PATHS and isinstance(change.value, str):
                 path = project.root / change.value
                 if leaves(path, project.root) or not path.is_file():
                     raise UsageError(f"no photo {change.value!r} in the project")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from typing import Any
 
@@ -100,7 +101,9 @@ def _is_toml(value: Any) -> bool:
         return len(value) <= MOST_CHANGES and all(isinstance(v, str) and _short(v) for v in value)
     if isinstance(value, int) and not isinstance(value, bool):
         return abs(value) < 2**63
-    return value is None or isinstance(value, bool | float) or _short(value)
+    if isinstance(value, float):
+        return math.isfinite(value)
+    return value is None or isinstance(value, bool) or _short(value)
 
 
 def _short(value: Any) -> bool:
