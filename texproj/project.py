@@ -44,6 +44,7 @@ from texproj.intake import (
     refuse_same_stems,
     the_one_mesh,
 )
+from texproj.made import believable
 from texproj.mesh import MeshSource
 from texproj.options import DevelopOptions
 from texproj.photo import Correspondences, Photo, PhotoInfo
@@ -312,7 +313,7 @@ class Project:
     def load_record(self, stage: str, name: str | None = None) -> dict[str, Any] | None:
         """What a stage wrote about its last run; None if it never ran or the file is broken."""
         record = read_json_object(self.record_path(stage, name))
-        return record if isinstance(record.get("inputs"), dict) else None
+        return record if believable(stage, record) else None
 
     def save_record(self, stage: str, name: str | None, record: dict[str, Any]) -> None:
         """Keep what a stage has to say about its run. Raises OutputError."""
