@@ -42,7 +42,9 @@ from texproj.intake import (
     one_of,
     one_per_shot,
     refuse_same_stems,
+    shown,
     the_one_mesh,
+    unusable_name,
 )
 from texproj.made import believable
 from texproj.mesh import MeshSource
@@ -98,7 +100,15 @@ class Project:
 
     @cached_property
     def mesh_path(self) -> Path:
-        """The mesh file. Raises InputError if there is none, or more than one to choose from."""
+        """The mesh file. Raises InputError if there is none, more than one to choose from, or one
+        of a name that cannot be written to a text file.
+        """
+        path = self._mesh_file()
+        if why := unusable_name(path.name):
+            raise InputError(f"{shown(path)} cannot be used: {why}; rename it")
+        return path
+
+    def _mesh_file(self) -> Path:
         if self.settings.mesh is not None:
             path = self.root / self.settings.mesh
             if not path.is_file():
