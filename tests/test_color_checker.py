@@ -139,7 +139,7 @@ def covered(x, y):
     ("photo", "words"),
     [
         ({"scene": lambda x, y: np.stack([0.2 + 0 * x, 0.3 + 0.1 * np.sin(9 * x), y * y / 9], -1)},
-         "no 24-patch color chart"),
+         "no 24-patch color chart.*`gray` in .light"),
         ({"offset": (0.3, 0.0)}, "cut off|no 24-patch"),
         ({"exposure": 1.6}, r"[1-9] patches .* over-exposed"),
         ({"exposure": 0.02, "noise": 0.001}, "too dark|no 24-patch"),

@@ -9,6 +9,7 @@ from color_scenes import SIZE, camera, picture, plane
 from photo_sets import photo_set
 
 from texproj.color.occluders.in_front import find_occluders
+from texproj.errors import OutputError
 from texproj.files import write_atomically
 from texproj.formats.cameras import cameras_json
 from texproj.formats.models.ply import write_ply
@@ -159,3 +160,18 @@ def test_a_project_tells_keeps_and_takes_corrections(tmp_path):
     assert not mask.exists()
     assert json.loads((tmp_path / "work/color.json").read_text())["occluders"] == {}
     assert ColorOptions().occluders
+
+
+@pytest.mark.parametrize("place", ["work/occluders/0.png", "work/occluders"])
+def test_what_is_in_the_way_of_a_mask_is_named(tmp_path, place):
+    """A folder in its place, a file in that of all: one sentence, and no model."""
+    project_of(tmp_path, photos())
+    target = tmp_path / place
+    if target.suffix:
+        target.mkdir(parents=True)
+    else:
+        write_atomically(target, "x")
+    with pytest.raises(OutputError, match="move it away"):
+        colored(tmp_path)
+
+    assert not (tmp_path / "out").exists()

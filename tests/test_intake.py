@@ -7,6 +7,7 @@ import pytest
 
 from texproj.errors import InputError
 from texproj.intake import find_masks, find_photos, find_picks, one_of, unusable_name
+from texproj.project import Project
 
 PHOTOS = ("IMG_1.JPG", "café.jpg", "b.png")
 
@@ -100,3 +101,15 @@ def test_a_name_that_cannot_be_written_back_is_passed_over(tmp_path):
 def test_usable_names(name, good):
     """Letters of any script are; control characters and stray bytes are not."""
     assert (unusable_name(name) == "") == good
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such names")
+def test_a_mesh_of_such_a_name_is_refused(tmp_path):
+    """Reports and camera files, which are text, would have to name it."""
+    (tmp_path / "mesh").mkdir()
+    try:
+        (tmp_path / "mesh" / os.fsdecode(b"scan\xff.ply")).write_bytes(b"x")
+    except OSError:
+        pytest.skip("this file system takes no such name")
+    with pytest.raises(InputError, match="its name is not UTF-8; rename it"):
+        _ = Project.open(tmp_path).mesh_path

@@ -42,8 +42,11 @@ from texproj.intake import (
     one_of,
     one_per_shot,
     refuse_same_stems,
+    shown,
     the_one_mesh,
+    unusable_name,
 )
+from texproj.made import believable
 from texproj.mesh import MeshSource
 from texproj.options import DevelopOptions
 from texproj.photo import Correspondences, Photo, PhotoInfo
@@ -97,7 +100,15 @@ class Project:
 
     @cached_property
     def mesh_path(self) -> Path:
-        """The mesh file. Raises InputError if there is none, or more than one to choose from."""
+        """The mesh file. Raises InputError if there is none, more than one to choose from, or one
+        of a name that cannot be written to a text file.
+        """
+        path = self._mesh_file()
+        if why := unusable_name(path.name):
+            raise InputError(f"{shown(path)} cannot be used: {why}; rename it")
+        return path
+
+    def _mesh_file(self) -> Path:
         if self.settings.mesh is not None:
             path = self.root / self.settings.mesh
             if not path.is_file():
@@ -312,7 +323,7 @@ class Project:
     def load_record(self, stage: str, name: str | None = None) -> dict[str, Any] | None:
         """What a stage wrote about its last run; None if it never ran or the file is broken."""
         record = read_json_object(self.record_path(stage, name))
-        return record if isinstance(record.get("inputs"), dict) else None
+        return record if believable(stage, record) else None
 
     def save_record(self, stage: str, name: str | None, record: dict[str, Any]) -> None:
         """Keep what a stage has to say about its run. Raises OutputError."""

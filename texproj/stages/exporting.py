@@ -9,6 +9,7 @@ from pathlib import Path
 from texproj.errors import InputError, UsageError, nearest_name
 from texproj.files import staging
 from texproj.formats.interchange import WRITERS, Shot
+from texproj.intake import shown, unusable_name
 from texproj.project import Project
 
 TURNED = "the camera is of the upright picture; where EXIF is ignored, use the photo saved upright"
@@ -33,6 +34,11 @@ def export_cameras(project: Project, kind: str, to: Path | None = None) -> Expor
         raise UsageError(f"no format {kind!r} to export to{nearest_name(kind, WRITERS)}")
     folder = to if to is not None else project.out / f"cameras-{kind}"
     paths = project.photo_paths
+    if unusable_name(_relative(project.photos, folder)):
+        raise InputError(
+            f"{shown(project.photos)}: the way there from {shown(folder)} cannot be written to a"
+            " text file; rename its folders, or export into the project"
+        )
     shots = [
         Shot(name, _relative(paths[name], folder), camera)
         for name, entry in project.load_cameras().items()

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import Any
 
 import cv2
 
 from texproj.camera import Camera
+from texproj.errors import OutputError
 from texproj.files import json_hash, write_atomically
 from texproj.photo import Photo
 from texproj.project import Project
@@ -37,6 +38,7 @@ def keep_occluders(
     project = bench.project
     if not project.settings.color.occluders:
         return {}
+    _check_places(project, cameras)
     record = project.load_record(STAGE) or {}
     inputs = _inputs(project, cameras)
     if record.get("inputs") != inputs:
@@ -102,7 +104,17 @@ def _sought(
         if name in found:
             write_atomically(path, cv2.imencode(".png", found[name].free)[1].tobytes())
             hashes[name] = project.hash_of(path)
-        else:
-            path.unlink(missing_ok=True)
+        elif path.is_file():
+            path.unlink()
     shares = {name: {"share": occluder.share} for name, occluder in found.items()}
     return {"inputs": inputs, "found": shares, "written": hashes}
+
+
+def _check_places(project: Project, names: Iterable[str]) -> None:
+    """Raise OutputError where a folder stands in the place of a mask, or a file in that of all."""
+    for name in names:
+        path = project.occluder_path(name)
+        if path.is_dir():
+            raise OutputError(f"{path} is a folder where a mask belongs; move it away")
+        if path.parent.exists() and not path.parent.is_dir():
+            raise OutputError(f"{path.parent} is a file where a folder belongs; move it away")

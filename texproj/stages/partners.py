@@ -58,9 +58,11 @@ def partners(project: Project, name: str) -> tuple[Partner, ...]:
 def load_graph(project: Project) -> PhotoGraph:
     """What was matched between the photos, as far as they are still the same."""
     told, same = _kept(project, SHARED)
-    pairs = told.get("pairs")
-    pairs = pairs if isinstance(pairs, list) else []
-    found = {(str(a), str(b)): int(n) for a, b, n in pairs if a in same and b in same}
+    found = {}
+    for pair in told.get("pairs", ()):
+        match pair:
+            case [str(a), str(b), int(n)] if a in same and b in same:
+                found[a, b] = n
     return PhotoGraph(found, frozenset(same))
 
 
@@ -85,12 +87,16 @@ def companions(project: Project) -> dict[str, tuple[str, ...]]:
 def _looks(project: Project) -> dict[str, tuple[str, ...]]:
     """By photo, the others that look like it, as far as all are still the same."""
     told, same = _kept(project, ALIKE)
-    alike = told.get("alike")
-    alike = alike if isinstance(alike, dict) else {}
+    alike = told.get("alike", {})
+    known = {n: alike[n] for n in project.photo_names if n in same and _is_list(alike.get(n))}
     return {
-        name: tuple(other for other in alike.get(name, ()) if other in same)
+        name: tuple(other for other in known.get(name, ()) if other in same)
         for name in project.photo_names if name in same
     }  # fmt: skip
+
+
+def _is_list(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(item, str) for item in value)
 
 
 def compare_looks(bench: Workbench, progress: Progress) -> None:

@@ -69,7 +69,7 @@ def report_project(bench: Workbench, progress: Progress = silent) -> ReportOutco
     names = project.photo_names
     html = page(facts, pictures(bench, records, partial(progress, STAGE)))
     with staging(project.out) as folder:
-        (folder / HTML).write_text(html, encoding="utf-8")
+        (folder / HTML).write_text(html, encoding="utf-8", errors="backslashreplace")
         (folder / JSON).write_text(json.dumps(facts, indent=1, default=str), encoding="utf-8")
     progress(STAGE, len(names), len(names), "")
     outputs = {path.name: project.hash_of(path) for path in files}

@@ -89,7 +89,7 @@ def read_checker(photo: Photo, name: str | None = None) -> Checker:
     """
     problem = InputError(
         f"{photo.info.name}: no 24-patch color chart found; photograph it whole, from the front and"
-        " larger, or correct `checker`"
+        " larger, or correct `checker` in [color], `gray` in [light]"
     )
     for number, corners in enumerate(find_charts(photo)):
         try:
