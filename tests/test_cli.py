@@ -357,3 +357,12 @@ def test_every_command_has_help_with_an_example(capsys):
     for name in command_names():
         assert run(name, "--help") == 0
         assert f"texproj {name}" in re.sub(r"\s+", " ", capsys.readouterr().out)
+
+
+def test_the_list_of_commands_says_what_each_does(capsys):
+    """The commands are loaded when they are called, but the list needs their sentences."""
+    assert run("--help") == 0
+    listed = re.sub(r"[\s│]+", " ", capsys.readouterr().out)
+
+    assert "report Write out/report.html and out/report.json." in listed
+    assert "new Make a project folder of a mesh and photos." in listed

@@ -280,6 +280,16 @@ def test_what_the_picture_proves_is_registered(project_folder, tmp_path):
     assert all(entry.quality["patches_in_place"] > 0.3 for entry in entries.values())
 
 
+def test_the_story_of_proved_cameras_can_be_told(project_folder, tmp_path, capsys):
+    """What import tells of its proof is no obstacle to what registration tells of its own."""
+    project, cameras = truth_of(project_folder)
+    take(project, file_of(tmp_path, cameras))
+    capsys.readouterr()
+
+    assert main(["status", str(project_folder), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)
+
+
 def test_what_the_picture_contradicts_is_a_start(project_folder, tmp_path, capsys):
     """Cameras that read well and see the mesh, but not as the photos do: nobody vouches for them,
     a sentence says why, and registration starts from there; exit 1.

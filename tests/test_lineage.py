@@ -106,6 +106,15 @@ def test_picks_that_change_nothing_redo_no_other_photo(folder, capsys):
     assert found and all(photos[name]["kept"] for name in found)
 
 
+def test_what_was_found_through_a_photo_stays_when_that_is_left_out(folder, capsys):
+    """It was found all the same; nothing is registered anew."""
+    entries = json.loads((folder / "cameras.json").read_text())["photos"]
+    through = next(e["quality"]["through"] for e in entries if e["quality"].get("through"))
+    (folder / "project.toml").write_text(f"exclude = [{json.dumps(through[0])}]\n")
+
+    assert stale(folder, capsys) == {}
+
+
 def test_refinement_makes_no_registration_stale(refined, capsys):
     """Refined cameras differ from those through which a photo was found; those are remembered."""
     assert stale(refined, capsys) == {}

@@ -35,6 +35,9 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
 
 def _call(app: App, words: list[str]) -> int:
+    if not words or words[0] in app.help_flags:
+        for name in app:
+            app[name]  # loads it: the list of commands says what each does
     try:
         result = app(words, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
