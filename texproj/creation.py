@@ -25,7 +25,8 @@ from texproj.repair import repair
 Tell = Callable[[str], None]
 
 NEW_SETTINGS = """\
-# Settings of this project. Every key is optional; `texproj COMMAND --help` lists them all.
+# Settings of this project. Every key is optional; `texproj COMMAND --help` lists most of them, and
+# docs/settings.md all. To leave photos out: exclude = ["IMG_0007.jpg"] (here, above any [table]).
 mesh = {mesh}
 photos = "photos"
 

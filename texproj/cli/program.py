@@ -41,7 +41,7 @@ def _call(app: App, words: list[str]) -> int:
     try:
         result = app(words, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
-        return _refuse(words, f"{error} (see `texproj {_command(words)}--help`)")
+        return _refuse(words, f"{error} (see `texproj {_command(app, words)}--help`)")
     except TexprojError as error:
         return _refuse(words, str(error))
     except ModuleNotFoundError as error:
@@ -93,5 +93,6 @@ def _told(error: OSError) -> str:
     return f"{place}{error.strerror or error}"
 
 
-def _command(words: list[str]) -> str:
-    return f"{words[0]} " if words and not words[0].startswith("-") else ""
+def _command(app: App, words: list[str]) -> str:
+    known = bool(words) and not words[0].startswith("-") and words[0] in app
+    return f"{words[0]} " if known else ""

@@ -36,9 +36,9 @@ class Freshness:
     def lines(self) -> list[str]:
         """For people."""
         if self.failed:
-            return [f"{self.stage:9} {self.item:24} {self.reason}"]
+            return [f"{self.stage:10} {self.item:24} {self.reason}"]
         because = f": {self.reason}" if self.reason else ""
-        return [f"{self.stage:9} {self.item:24} {'fresh' if self.fresh else 'stale'}{because}"]
+        return [f"{self.stage:10} {self.item:24} {'fresh' if self.fresh else 'stale'}{because}"]
 
     def as_dict(self) -> dict[str, Any]:
         """For --json."""
