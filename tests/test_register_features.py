@@ -8,9 +8,15 @@ from scenes import exposure_round, synthetic_pair
 
 from texproj.errors import RegistrationError
 from texproj.options import RenderOptions
-from texproj.register.features import Known, register_features
+from texproj.register.features import Known, pairs_with, register_pairs
 from texproj.render import open_renderer
 from texproj.solve.features import Features, find_features, match_features
+
+
+def registered(info, features, known, prior):
+    """The camera of a photo from what it shares with the known ones."""
+    found = [pairs_with(features, other) for other in known]
+    return register_pairs(info, found, [other.expected_error_px for other in known], prior)
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +36,7 @@ def test_a_photo_without_any_start_is_registered_by_others(known):
     """No picks, no pose, no calibration but EXIF: within a pixel or so of the truth."""
     data, others = known
     info, camera = replace(data.photos[1].info, focal_px=None), data.cameras[1]
-    fit = register_features(info, find_features(data.photos[1].gray()), others, camera.intrinsics)
+    fit = registered(info, find_features(data.photos[1].gray()), others, camera.intrinsics)
     xyz = data.mesh.vertices[::20]
     apart = np.linalg.norm(fit.camera.project(xyz)[0] - camera.project(xyz)[0], axis=1)
 
@@ -45,7 +51,7 @@ def test_a_photo_of_something_else_is_refused(known):
     _, others = known
     foreign = synthetic_pair(1, "capital", seed=3, long_side=720).photos[0]
     with pytest.raises(RegistrationError, match="pick 8 points"):
-        fit = register_features(foreign.info, find_features(foreign.gray()), others, None)
+        fit = registered(foreign.info, find_features(foreign.gray()), others, None)
         if not fit.accepted:
             raise RegistrationError(fit.reason)
 

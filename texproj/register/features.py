@@ -42,24 +42,6 @@ class Known:
     expected_error_px: float
 
 
-def register_features(
-    info: PhotoInfo,
-    features: Features,
-    known: Sequence[Known],
-    prior: Intrinsics | None,
-    options: PointsOptions | None = None,
-    surface: Doubles | None = None,
-) -> Fit:
-    """The camera of a photo from its features (full-size pixels) in photos that are `known`.
-
-    prior, options, surface: as for picked points. Raises RegistrationError.
-    """
-    found = [pairs_with(features, other) for other in known]
-    return register_pairs(
-        info, found, [other.expected_error_px for other in known], prior, options, surface
-    )
-
-
 def register_pairs(
     info: PhotoInfo,
     found: Sequence[Correspondences],

@@ -16,12 +16,12 @@ from texproj.photo import Photo
 from texproj.register.joint.session import Kept
 from texproj.register.proof.prove import WORKING_PX, Proof, prove
 from texproj.register.proof.stencil import fits_turned
+from texproj.register.proof.through_mesh import KEPT_PHOTOS
 from texproj.render import GBuffer
 from texproj.stages.bench import Workbench
 from texproj.stages.readings import Reading, Readings, Turn
 
 CHANNELS = ("depth", "normal", "front")
-KEPT_PHOTOS = 48
 RANK = {"proved": 2.0, "unproved": 1.0, "contradicted": 0.0}
 LYING_MASK = (
     "its mask fits the mesh only after EXIF's turn: it was made on the stored picture; turn the"
