@@ -377,10 +377,8 @@ class Project:
         as usual.
         """
         told = self.settings.develop
-        by_kind = {
-            **dict.fromkeys(RAW_SUFFIXES, told.white_balance),
-            **dict.fromkeys((".tif", ".tiff"), told.float_light),
-        }
+        by_kind: dict[str, str] = dict.fromkeys(RAW_SUFFIXES, told.white_balance)
+        by_kind |= dict.fromkeys((".tif", ".tiff"), told.float_light)
         how = by_kind.get(path.suffix.lower())
         usual = how in (None, AS_USUAL.white_balance, AS_USUAL.float_light)
         return "" if usual or path.parent != self.photos else f" {how}"
