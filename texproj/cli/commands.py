@@ -19,10 +19,11 @@ MODULES = {
     "telling": ("status", "preview"),
     "machine": ("doctor",),
     "inspecting": ("factors", "turntable"),
+    "calibrating": ("calibrate_flash",),
     "exchange": ("import_", "export"),
 }
 """Modules of this package, and the commands that each holds."""
 
 for module, names in MODULES.items():
     for name in names:
-        app.command(f"texproj.cli.{module}:{name}", name=name.strip("_"))
+        app.command(f"texproj.cli.{module}:{name}", name=name.strip("_").replace("_", "-"))

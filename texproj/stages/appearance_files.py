@@ -173,6 +173,13 @@ def _flash_facts(light: FlashLight) -> dict[str, Any]:
         "kind": "flash",
         "lamp": lamp.place.tolist(),
         "intensity": lamp.intensity,
+        "intensity_told_by": (
+            "calibration"
+            if not light.found.assumed
+            else "gloss"
+            if light.found.glossy
+            else "nothing"
+        ),
         "output": light.output,
     }
 
