@@ -11,13 +11,9 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, TimeoutError
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import partial
 from typing import Any
-
-from loky import ProcessPoolExecutor, cpu_count
-from psutil import virtual_memory
 
 from texproj.project import Project
 from texproj.records import CameraRecord
@@ -54,6 +50,10 @@ def searched_beside(
     if workers < 2:
         yield search
         return
+    from concurrent.futures.process import BrokenProcessPool  # noqa: PLC0415 - slow to load
+
+    from loky import ProcessPoolExecutor  # noqa: PLC0415 - slow to load
+
     bench.keep_occlusion()
     pool = ProcessPoolExecutor(
         workers,
@@ -89,6 +89,9 @@ def _result(coming: Future[Search], listen: Callable[[], None]) -> Search:
 
 def _workers(faces: int) -> int:
     """How many processes this machine has processors and memory for."""
+    from loky import cpu_count  # noqa: PLC0415 - slow to load
+    from psutil import virtual_memory  # noqa: PLC0415 - slow to load
+
     each = BYTES_PER_PROCESS + BYTES_PER_FACE * faces
     return min(cpu_count(), virtual_memory().available // each)
 
@@ -97,6 +100,8 @@ def _share_of_threads(workers: int) -> dict[str, Any]:
     """Each process gets its share of the processors; LP_NUM_THREADS are those of Mesa's software
     renderer, beside the one that asks for the picture.
     """
+    from loky import cpu_count  # noqa: PLC0415 - slow to load
+
     share = max(1, cpu_count() // workers)
     return {**dict.fromkeys(THREADS, share), "LP_NUM_THREADS": share - 1}
 
