@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from functools import partial
 
@@ -13,14 +14,16 @@ from texproj.stages.methods import REGISTRATION_LONGEST
 from texproj.stages.progress import Progress
 
 
-def searched(bench: Workbench, part: Reconstruction, progress: Progress) -> Told:
-    """The photos of a part where its shape fits the mesh."""
+def searched(
+    bench: Workbench, part: Reconstruction, calibrated: Collection[str], progress: Progress
+) -> Told:
+    """The photos of a part where its shape fits the mesh. calibrated: whose lens is given."""
 
     def listen(what: str, share: float) -> None:
         progress(STAGE, round(share * STEPS), STEPS, what)
 
     load = partial(load_reduced, bench, longest=REGISTRATION_LONGEST)
-    block = place_block(part, bench.mesh, partial(rendered, bench), load, listen)
+    block = place_block(part, bench.mesh, partial(rendered, bench), load, listen, calibrated)
     quality = {
         "block_photos": len(part.names),
         "support": round(block.support, 3),
@@ -30,7 +33,6 @@ def searched(bench: Workbench, part: Reconstruction, progress: Progress) -> Told
     told: Told = {}
     for k, name in enumerate(part.names):
         camera = block.cameras[name]
-        error_px = block.expected_error_percent / 100 * max(camera.width, camera.height)
-        fit = fit_of(camera, part, k, error_px, quality)
+        fit = fit_of(camera, part, k, block.expected_error_px[name], quality)
         told[name] = replace(fit, accepted=fit.accepted and block.accepted, reason=block.reason)
     return told

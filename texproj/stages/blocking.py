@@ -4,7 +4,7 @@ structure from motion, then, as one block, on the mesh.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import partial
 from tempfile import TemporaryDirectory
 
@@ -61,9 +61,10 @@ def place_together(
         return refused | told
     keep_graph(bench.project, motion.graph)
     told = _of(names, {**told, **motion.left_out})
+    calibrated = {photo.name for photo in photos if photo.intrinsics is not None}
     for part in motion.parts:
         if {*part.names} & {*names}:
-            told |= _placed(bench, part, anchors, progress)
+            told |= _placed(bench, part, anchors, calibrated, progress)
     trim()
     return told
 
@@ -97,11 +98,14 @@ def _placed(
     bench: Workbench,
     part: Reconstruction,
     anchors: Mapping[str, CameraRecord],
+    calibrated: Collection[str],
     progress: Progress,
 ) -> Told:
     """The cameras of a part of the photos, or why they are none."""
     own = {name: anchors[name] for name in part.names if name in anchors}
     try:
-        return held(bench, part, own, progress) if own else searched(bench, part, progress)
+        if own:
+            return held(bench, part, own, calibrated, progress)
+        return searched(bench, part, calibrated, progress)
     except RegistrationError as error:
         return {name: str(error) for name in part.names if name not in own}
