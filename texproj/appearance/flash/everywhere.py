@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
+from texproj.appearance.flash.closed_form import fit_lambert, fit_material
 from texproj.appearance.flash.found import HIGHLIGHT, Found
-from texproj.appearance.flash.voting import mesh_neighbors, settled, smoothed
 from texproj.appearance.flash.observations import Observations, Surfel, observe
 from texproj.appearance.flash.sampled import FlashSamples
-from texproj.appearance.flash.closed_form import fit_lambert, fit_material
+from texproj.appearance.flash.voting import mesh_neighbors, settled, smoothed
 from texproj.arrays import Bools, Floats, Index
 from texproj.mesh import Mesh
 

@@ -9,12 +9,6 @@ from typing import Any
 import numpy as np
 
 from texproj.appearance.flash.bounce import BounceField, Hits, Nodes, bounced, surface_hits
-from texproj.appearance.flash.voting import Voters, near_neighbors, settled, smoothed
-from texproj.appearance.flash.lamp import Lamp
-from texproj.appearance.flash.materials import base_materials
-from texproj.appearance.flash.observations import Flashes, LampShadows, Observations, Surfel
-from texproj.appearance.flash.pooled import Pooled, pooled
-from texproj.appearance.flash.reflection import CANDIDATES, DIELECTRIC, Material
 from texproj.appearance.flash.closed_form import (
     Fit,
     fit_each,
@@ -23,6 +17,12 @@ from texproj.appearance.flash.closed_form import (
     labelled_terms,
     predicted,
 )
+from texproj.appearance.flash.lamp import Lamp
+from texproj.appearance.flash.materials import base_materials
+from texproj.appearance.flash.observations import Flashes, LampShadows, Observations, Surfel
+from texproj.appearance.flash.pooled import Pooled, pooled
+from texproj.appearance.flash.reflection import CANDIDATES, DIELECTRIC, Material
+from texproj.appearance.flash.voting import Voters, near_neighbors, settled, smoothed
 from texproj.appearance.light_fit import MEAN_ALBEDO
 from texproj.arrays import Floats, Index
 from texproj.photo import LUMINANCE

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from texproj.appearance.flash.closed_form import fit_each, fit_lambert, labelled_terms, predicted
 from texproj.appearance.flash.found import HIGHLIGHT, Found, photo_gains
 from texproj.appearance.flash.observations import Observations
-from texproj.appearance.flash.closed_form import fit_each, fit_lambert, labelled_terms, predicted
 from texproj.appearance.verdict import psnr
 from texproj.arrays import Floats
 

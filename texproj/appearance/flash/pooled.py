@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import minimize, minimize_scalar
 
+from texproj.appearance.flash.closed_form import fit_material
 from texproj.appearance.flash.observations import Observations
 from texproj.appearance.flash.reflection import DIELECTRIC, Material
-from texproj.appearance.flash.closed_form import fit_material
 from texproj.arrays import Floats, Index
 
 POINTS = 4000

@@ -10,6 +10,7 @@ import numpy as np
 
 from texproj.appearance.flash.everywhere import Points, vertices_everywhere
 from texproj.appearance.flash.found import completed, find_materials
+from texproj.appearance.flash.held_out import FEWEST_PHOTOS, FlashVerdict, held_out, judged
 from texproj.appearance.flash.lamp import Lamp
 from texproj.appearance.flash.sampled import (
     FlashSamples,
@@ -17,7 +18,6 @@ from texproj.appearance.flash.sampled import (
     spread_vertices,
     subset,
 )
-from texproj.appearance.flash.held_out import FEWEST_PHOTOS, FlashVerdict, held_out, judged
 from texproj.appearance.recovered import Appearance, FlashLight, untold
 from texproj.arrays import Bools, Floats
 from texproj.color.filling.vertices import fill_vertices
