@@ -81,7 +81,7 @@ class Environment:
         """The environment without its sun, (3,) the direction of the sun, world, and (3,) its
         illuminance square to it; itself, None and None where no spot is so bright.
         """
-        local, solid = _grid(self.radiance.shape[1], self.radiance.shape[0])
+        local, solid = all_directions(self.radiance.shape[1], self.radiance.shape[0])
         light = self.radiance @ LUMINANCE
         mean = float((light * solid).sum() / solid.sum())
         brightest = local.reshape(-1, 3)[light.argmax()]
@@ -103,7 +103,7 @@ def overcast(up: Doubles, ahead: Doubles, illuminance: float) -> Environment:
     """The CIE's overcast sky, three times as bright overhead as at the horizon (Moon and Spencer
     1942), above ground that reflects `GROUND`. illuminance: of level ground, lux.
     """
-    local, _ = _grid(64, 32)
+    local, _ = all_directions(64, 32)
     height = local[..., 1]
     zenith = 9 / (7 * np.pi) * illuminance
     sky = zenith * (1 + 2 * height) / 3
@@ -111,7 +111,7 @@ def overcast(up: Doubles, ahead: Doubles, illuminance: float) -> Environment:
     return Environment(np.repeat(gray[..., None], 3, axis=2), up, ahead)
 
 
-def _grid(width: int, height: int) -> tuple[Floats, Floats]:
+def all_directions(width: int, height: int) -> tuple[Floats, Floats]:
     """(h, w, 3) directions of texels, to the right, up, ahead, and (h, w) their solid angles."""
     around = (np.arange(width, dtype=np.float32) + 0.5) / width * 2 * np.pi - np.pi
     above = np.pi / 2 - (np.arange(height, dtype=np.float32) + 0.5) / height * np.pi
@@ -146,7 +146,7 @@ def _reduced(picture: Floats, width: int) -> Floats:
 def _blurred(picture: Floats, roughness: float) -> Floats:
     """The mean of what facets of a GGX mirror show that is looked at from straight ahead."""
     width, height = BLURRED
-    axis = _grid(width, height)[0].reshape(-1, 3)
+    axis = all_directions(width, height)[0].reshape(-1, 3)
     right, along = tangents(axis)
     number = np.arange(SAMPLES)
     u, angle = (number + 0.5) / SAMPLES, number * np.pi * (3 - np.sqrt(5))

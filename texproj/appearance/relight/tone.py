@@ -19,7 +19,7 @@ SATURATION = 1.2
 """Luminance in cd/m2 that a camera set for EV 0 at ISO 100 just holds: ISO 12232, 78 / 100 over a
 transmission of .65."""
 KEY = 0.18
-"""What the mean luminance is exposed to where no EV is given (Reinhard et al. 2002, eq. 2)."""
+"""What the mean luminance is exposed to where no EV is given: a gray card's."""
 WHITE = 4.0
 """Exposed luminance that Reinhard's curve shows as white (ibid., eq. 4)."""
 LINEAR_WHITE = 11.2
@@ -72,17 +72,12 @@ def ev_of_exposure(exposure: float) -> float:
 
 
 def metered(layers: Floats) -> float:
-    """The exposure that puts the logarithmic mean of a picture's luminance at `KEY`.
+    """The exposure that puts the mean luminance of a picture at `KEY`, as a camera meters.
 
     layers: (h, w, 4) linear colors times alpha, and alpha. 1 where nothing is lit.
     """
-    seen = layers[..., 3] > 0.5
-    light = layers[seen, :3] @ LUMINANCE
-    light = light[light > 0]
-    if not len(light):
-        return 1.0
-    low = np.float32(1e-4) * light.max()
-    return float(KEY / np.exp(np.log(np.maximum(light, low)).mean()))
+    mean = float((layers[..., :3] @ LUMINANCE).sum() / max(float(layers[..., 3].sum()), 1e-12))
+    return KEY / mean if mean > 0 else 1.0
 
 
 @dataclass(frozen=True)
