@@ -7,15 +7,16 @@ import pytest
 from block_scenes import Wall
 
 from texproj.camera import Camera, Pose
+from texproj.errors import UsageError
 from texproj.register.block.rotations import spread_rotations
 from texproj.register.block.search import Search
 from texproj.register.block.upright import Upright
 from texproj.settings import read_settings
 
-HEAD_OVER = np.diag([1.0, -1.0, -1.0])
+UNTURNED, HEAD_OVER = np.eye(3), np.diag([1.0, -1.0, -1.0])
 
 
-def upright(turn=np.eye(3)):
+def upright(turn=UNTURNED):
     """Six photos of a wall, upward is -y, turned as a block is."""
     cameras = tuple(
         Camera(c.intrinsics, Pose(c.pose.R @ turn.T, c.pose.t)) for c in Wall(0).cameras.values()
@@ -66,3 +67,8 @@ def test_upside_down_loses_a_tie_and_wins_where_nothing_else_fits():
 )  # fmt: skip
 def test_up_is_known_only_where_somebody_said_it(text, stands):
     assert read_settings(text, "project.toml").stands == stands
+
+
+def test_it_is_no_key_of_its_own():
+    with pytest.raises(UsageError, match="stands"):
+        read_settings('stands = "z"\n', "project.toml")

@@ -100,7 +100,7 @@ def read_settings(text: str, where: str) -> Settings:
         raise InputError(f"{where} is not valid TOML: {error}") from None
     except (ValueError, RecursionError):
         raise InputError(f"{where}: a number is too long, or it is nested too deeply") from None
-    keys = [f.name for f in fields(Settings) if f.metadata is not NO_KEY]
+    keys = [f.name for f in fields(Settings) if f.metadata.get("key", True)]
     known = [key for key in keys if _table_of(key) not in SECTIONS] + [*SECTIONS]
     for key in data:
         if key not in known:
