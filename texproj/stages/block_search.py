@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import replace
 from functools import partial
 
-from texproj.register.block.place import place_block
+from texproj.register.block.place import Beforehand, place_block
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.stages.bench import Workbench
 from texproj.stages.block_fits import STAGE, STEPS, Told, fit_of, load_reduced, rendered
@@ -14,16 +13,14 @@ from texproj.stages.methods import REGISTRATION_LONGEST
 from texproj.stages.progress import Progress
 
 
-def searched(
-    bench: Workbench, part: Reconstruction, calibrated: Collection[str], progress: Progress
-) -> Told:
-    """The photos of a part where its shape fits the mesh. calibrated: whose lens is given."""
+def searched(bench: Workbench, part: Reconstruction, known: Beforehand, progress: Progress) -> Told:
+    """The photos of a part where its shape fits the mesh."""
 
     def listen(what: str, share: float) -> None:
         progress(STAGE, round(share * STEPS), STEPS, what)
 
     load = partial(load_reduced, bench, longest=REGISTRATION_LONGEST)
-    block = place_block(part, bench.mesh, partial(rendered, bench), load, listen, calibrated)
+    block = place_block(part, bench.mesh, partial(rendered, bench), load, listen, known)
     quality = {
         "block_photos": len(part.names),
         "support": round(block.support, 3),

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from texproj.arrays import Doubles
 from texproj.camera import Camera
 from texproj.errors import RegistrationError
 from texproj.mesh import Mesh
@@ -23,6 +24,7 @@ from texproj.register.block.said import by_place, seen_on_mesh
 from texproj.register.block.scan import Scan
 from texproj.register.block.search import Search, Told
 from texproj.register.block.slides import slides, untold
+from texproj.register.block.upright import Upright
 from texproj.register.block.verdict import doubt, refusal, slippery
 from texproj.register.block.witnesses import LoadPhoto, Witness, called
 from texproj.render import Render
@@ -31,21 +33,30 @@ ASKED, ASKED_AT_LAST = 4, 8
 """Photos that are asked about every place, and about the best."""
 
 
+@dataclass(frozen=True, eq=False)
+class Beforehand:
+    """What is known before a block is placed. calibrated: names of the photos whose lens was given;
+    up: (3,) which way is up on the mesh, world, None where nobody said.
+    """
+
+    calibrated: Collection[str] = ()
+    up: Doubles | None = None
+
+
 def place_block(
     block: Reconstruction,
     mesh: Mesh,
     render: Render,
     load_photo: LoadPhoto,
     told: Told = lambda what, share: None,
-    calibrated: Collection[str] = (),
+    known: Beforehand = Beforehand(),
     seed: int = 0,
 ) -> BlockFit:
     """Where on `mesh` the photos of `block` belong, and whether to believe it.
 
     render: depth, normal, ambient occlusion and front of the mesh, or of its `light_mesh`, for a
-    camera; load_photo: a photo by name, reduced to about 1024 pixels; calibrated: names of the
-    photos whose lens was given. The same seed gives the same result. Raises RegistrationError where
-    there is nothing to compare.
+    camera; load_photo: a photo by name, reduced to about 1024 pixels. The same seed gives the same
+    result. Raises RegistrationError where there is nothing to compare.
     """
     told("comparing the photos' points with the mesh", 0.0)
     cloud = Cloud.of(block, seed)
@@ -58,8 +69,10 @@ def place_block(
     witnesses, broken = called(block, load_photo, render, scan.surface, ASKED_AT_LAST)
     if not witnesses:
         raise RegistrationError(next(iter(broken.values()), "the block has no photos"))
-    search = Search(proposers(block, mesh, cloud, scan, seed), witnesses[:ASKED], told)
-    return _concluded(search.run(), search, _Asked(block, witnesses, broken, calibrated))
+    upright = None if known.up is None else Upright.of(block, known.up)
+    places = proposers(block, mesh, cloud, scan, seed, upright)
+    search = Search(places, witnesses[:ASKED], told, upright)
+    return _concluded(search.run(), search, _Asked(block, witnesses, broken, known.calibrated))
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +93,7 @@ def _concluded(found: list[Judged], search: Search, asked: _Asked) -> BlockFit:
         )
     best, witnesses = found[0], asked.witnesses
     elsewhere = [j for j in found[1:] if not same_place(search.witnesses, best, j)]
-    rival = max((j.support for j in elsewhere), default=0.0)
+    rival = max((search.rivalry(best, j) for j in elsewhere), default=0.0)
     search.told("looking at details", 0.7)
     sure = certainty(witnesses, best)
     reason = _slides_away(best, sure.placed, witnesses) or refusal(sure.support, rival)
