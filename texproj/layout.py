@@ -18,13 +18,15 @@ class Material:
     """A surface as the file names it.
 
     image: the file of its colors, or its bytes; None = it has none. color: (3,) factor on them,
-    linear light. why: what is wrong with the image, empty if nothing is known to be.
+    linear light. why: what is wrong with the image, empty if nothing is known to be. least_px: what
+    the sides of its pages have at least.
     """
 
     name: str
     image: Path | bytes | None = None
     color: tuple[float, float, float] = (1.0, 1.0, 1.0)
     why: str = ""
+    least_px: int = 0
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,12 @@ from texproj.stages.freshness import (
     file_inputs,
     options_inputs,
 )
-from texproj.stages.layouts import filled_from_mesh, layout_inputs, layout_notes
+from texproj.stages.layouts import (
+    filled_from_mesh,
+    layout_inputs,
+    layout_notes,
+    mesh_to_fill,
+)
 from texproj.stages.occluding import keep_occluders, occluder_inputs
 from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
@@ -239,7 +244,7 @@ def _texture(
     from texproj.color.patches.texture import PatchSettings, color_patches  # noqa: PLC0415 - slow to load
     from texproj.color.texture import color_texture  # noqa: PLC0415
 
-    settings, given = bench.project.settings, (bench.mesh, photos, bench.renderer)
+    settings, given = bench.project.settings, (mesh_to_fill(bench), photos, bench.renderer)
     if settings.color.to == "patches":
         patches = PatchSettings(settings.color, settings.patches, settings.unwrap)
         texture = color_patches(*given, patches, checker, tell)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
 from texproj.errors import InputError, UsageError
-from texproj.formats.meshes import companions, read_picture
+from texproj.formats.meshes import companions, picture_side, read_picture
+from texproj.mesh import Mesh
 from texproj.project import Project
 from texproj.stages.bench import Workbench
 from texproj.stages.freshness import Inputs, file_inputs
@@ -49,6 +51,15 @@ def layout_inputs(project: Project) -> Inputs:
     if project.settings.color.fill != "texture":
         return {}
     return file_inputs(project, **companions(project.mesh_path))
+
+
+def mesh_to_fill(bench: Workbench) -> Mesh:
+    """The mesh, with pages at least as large as its own textures where these will fill them."""
+    mesh = bench.mesh
+    if bench.project.settings.color.fill != "texture" or mesh.layout is None:
+        return mesh
+    sized = tuple(replace(m, least_px=picture_side(m)) for m in mesh.layout.materials)
+    return replace(mesh, layout=replace(mesh.layout, materials=sized))
 
 
 def filled_from_mesh(bench: Workbench, texture: Texture) -> Texture:

@@ -22,6 +22,9 @@ SHARED, HOMELESS = 0.002, 0.01
 """Part of the texture that several faces share, and part of the surface that has no place in it,
 up to which "auto" keeps a layout: exporters leave a few slivers."""
 
+SMALLEST_PAGE = 16
+"""Texels along a side."""
+
 LOOKED_AT = 2048
 """Texels along a page at which faces that share a place are looked for."""
 
@@ -221,9 +224,11 @@ def _sizes(
     covered = np.bincount(page[home], uv_area[home], count)
     side = np.sqrt(wanted / np.maximum(covered, 1e-12))
     largest = 2 ** int(np.log2(options.page_size))
-    sizes = 2 ** np.round(np.log2(np.clip(side, 16, largest)))
+    least = [layout.materials[m].least_px if m >= 0 else 0 for m in pages.materials]
+    wished = np.maximum(2 ** np.round(np.log2(np.maximum(side, SMALLEST_PAGE))), least)
+    sizes = np.minimum(2 ** np.ceil(np.log2(wished)), largest)
     room = options.max_pages * options.page_size**2
-    while (sizes**2).sum() > room and sizes.max() > 16:
+    while (sizes**2).sum() > room and sizes.max() > SMALLEST_PAGE:
         sizes = np.where(sizes == sizes.max(), sizes / 2, sizes)
     scale = float(np.sqrt((covered * sizes**2).sum() / max(float(wanted.sum()), 1e-300)))
     return tuple((int(s), int(s)) for s in sizes), min(scale, 1.0)

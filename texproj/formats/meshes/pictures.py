@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,25 @@ def read_picture(material: Material, tile: int) -> NDArray[Any] | None:
     if pixels is None or pixels.dtype not in (np.uint8, np.uint16):
         raise InputError(f"the texture of material {material.name!r} cannot be read")
     return cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB)
+
+
+def picture_side(material: Material) -> int:
+    """The longer side of a material's image, pixels, by its head alone; 0 where there is none or it
+    says none.
+    """
+    from PIL import Image  # noqa: PLC0415
+
+    if material.image is None:
+        return 0
+    given = material.image
+    try:
+        with (
+            foreign_parser(),
+            Image.open(io.BytesIO(given) if isinstance(given, bytes) else given) as head,
+        ):
+            return int(max(head.size))
+    except Broken:
+        return 0
 
 
 def picture_of_tile(first: Path, tile: int) -> Path:
