@@ -7,7 +7,7 @@ import { center, ideal, project, sidesOfPhoto } from "../src/lens.ts";
 
 const CAMERA: Camera = {
   width: 640, height: 480, f: [610, 606], c: [350, 215], dist: [-0.12, 0.05, 0.002, -0.0015, 0],
-  max_radius: 1.2, R: [[0, 1, 0], [-1, 0, 0], [0, 0, 1]], t: [0.5, -0.25, 2],
+  model: "perspective" as const, max_radius: 1.2, R: [[0, 1, 0], [-1, 0, 0], [0, 0, 1]], t: [0.5, -0.25, 2],
 };
 
 test("a ray through a pixel comes back to it, through distortion", () => {
