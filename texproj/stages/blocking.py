@@ -9,7 +9,7 @@ from functools import partial
 from tempfile import TemporaryDirectory
 
 from texproj.errors import InputError, RegistrationError
-from texproj.records import CameraRecord
+from texproj.records import CHOSEN, CameraRecord
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.block.structure_from_motion import (
     LONGEST_PX,
@@ -21,6 +21,7 @@ from texproj.stages.bench import Workbench
 from texproj.stages.block_fits import Told, load_reduced
 from texproj.stages.block_holding import held
 from texproj.stages.block_search import searched
+from texproj.stages.choosing import chosen_fits
 from texproj.stages.entries import start_of
 from texproj.stages.lenses import lens_of
 from texproj.stages.partners import content_key, keep_graph
@@ -44,6 +45,11 @@ def place_together(
     in work/, so that an interrupted run goes on where it stopped.
     """
     return_freed_memory()
+    others = [n for n, entry in anchors.items() if CHOSEN not in entry.quality]
+    chosen = chosen_fits(bench.project, names, others)
+    if chosen:
+        rest = [name for name in names if name not in chosen]
+        return chosen | place_together(bench, rest, anchors, progress) if rest else chosen
     photos, told = _photos(bench, [*names, *anchors])
     if len(photos) < LEAST_PHOTOS:
         return _of(names, told)
@@ -102,6 +108,8 @@ def _placed(
     """The cameras of a part of the photos, or why they are none."""
     own = {name: anchors[name] for name in part.names if name in anchors}
     try:
-        return held(bench, part, own, progress) if own else searched(bench, part, progress)
+        if own:
+            return held(bench, part, own, progress)
+        return searched(bench, part, progress, asking=True)
     except RegistrationError as error:
         return {name: str(error) for name in part.names if name not in own}

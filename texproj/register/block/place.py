@@ -7,6 +7,7 @@ import numpy as np
 from texproj.errors import RegistrationError
 from texproj.mesh import Mesh
 from texproj.register.block.block_fit import BlockFit
+from texproj.register.block.candidates import candidates
 from texproj.register.block.certainty import certainty
 from texproj.register.block.cloud import LEAST_POINTS, Cloud
 from texproj.register.block.decide import Judged, same_place
@@ -15,7 +16,7 @@ from texproj.register.block.placed_block import PlacedBlock
 from texproj.register.block.propose import proposers
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.block.scan import Scan
-from texproj.register.block.search import Search, Told
+from texproj.register.block.search import Search, Told, Watched
 from texproj.register.block.slides import slides, untold
 from texproj.register.block.verdict import doubt, refusal, slippery
 from texproj.register.block.witnesses import LoadPhoto, Witness, called
@@ -31,13 +32,15 @@ def place_block(
     render: Render,
     load_photo: LoadPhoto,
     told: Told = lambda what, share: None,
+    watched: Watched = lambda place: None,
     seed: int = 0,
 ) -> BlockFit:
     """Where on `mesh` the photos of `block` belong, and whether to believe it.
 
     render: depth, normal, ambient occlusion and front of the mesh, or of its `light_mesh`, for a
-    camera; load_photo: a photo by name, reduced to about 1024 pixels. The same seed gives the same
-    result. Raises RegistrationError where there is nothing to compare.
+    camera; load_photo: a photo by name, reduced to about 1024 pixels; watched: is called with the
+    best place so far, each time that one is. The same seed gives the same result. Raises
+    RegistrationError where there is nothing to compare.
     """
     told("comparing the photos' points with the mesh", 0.0)
     cloud = Cloud.of(block, seed)
@@ -50,7 +53,7 @@ def place_block(
     witnesses, broken = called(block, load_photo, render, scan.surface, ASKED_AT_LAST)
     if not witnesses:
         raise RegistrationError(next(iter(broken.values()), "the block has no photos"))
-    search = Search(proposers(block, mesh, cloud, scan, seed), witnesses[:ASKED], told)
+    search = Search(proposers(block, mesh, cloud, scan, seed), witnesses[:ASKED], told, watched)
     return _concluded(search.run(), search, block, witnesses, broken)
 
 
@@ -71,7 +74,8 @@ def _concluded(
     rival = max((j.support for j in elsewhere), default=0.0)
     search.told("looking at details", 0.7)
     sure = certainty(witnesses, best)
-    reason = _slides_away(best, sure.placed, witnesses) or refusal(sure.support, rival)
+    slippery_mesh = _slides_away(best, sure.placed, witnesses)
+    reason = slippery_mesh or refusal(sure.support, rival)
     mirror = MirrorTest(0.0)
     if not reason:
         search.told("comparing with the mirror image", 0.8)
@@ -88,6 +92,7 @@ def _concluded(
         mirror_t=mirror.t,
         accepted=not reason and not mirror.refused,
         reason=reason or doubt(mirror),
+        candidates=() if slippery_mesh else candidates(block, witnesses, sure, elsewhere),
         quality={
             "sight": best.place.sight,
             "rival_sight": max((j.place.sight for j in elsewhere), default=0.0),

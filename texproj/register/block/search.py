@@ -7,11 +7,15 @@ from dataclasses import dataclass
 
 from texproj.register.block.decide import Judged, judged, same_place
 from texproj.register.block.propose import PART_SCALES, SCALE_BATCHES, Place, Proposer
+from texproj.register.block.verdict import torn
 from texproj.register.block.witnesses import Witness
 
 Told = Callable[[str, float], None]
 """``told(what, share)``: what is being done and the share of all that is done, 0 .. 1; whoever
 listens may raise to stop the work."""
+
+Watched = Callable[[Judged], None]
+"""``watched(place)``: the best place so far."""
 
 TRIED, TRIED_OF_PARTS = 5, 2
 """Places of a batch of scales that the photos are asked about, at most; the second where block or
@@ -26,11 +30,14 @@ SURE_SUPPORT = 0.45
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """proposers: the likeliest first; witnesses: the photos that are asked about every place."""
+    """proposers: the likeliest first; witnesses: the photos that are asked about every place;
+    watched: told of each place that is better than all before.
+    """
 
     proposers: Iterable[Proposer]
     witnesses: tuple[Witness, ...]
     told: Told
+    watched: Watched
 
     def run(self) -> list[Judged]:
         """All places that the photos were asked about, the best first."""
@@ -48,10 +55,14 @@ class Search:
         return _ranked(found)
 
     def _ask(self, places: list[Place], found: list[Judged]) -> None:
-        """Adds to `found`, until the photos are sure of one place and another was tried."""
+        """Adds to `found`, until the photos are sure of one place and another that was tried is no
+        rival; all rivals are found out.
+        """
         for place in places:
             if not self._near_the_sure(place, found):
                 found.append(judged(self.witnesses, place))
+                if _best(found) is found[-1]:
+                    self.watched(found[-1])
             if self._decided(found):
                 return
 
@@ -72,13 +83,14 @@ class Search:
         return likely + [p for p in elsewhere if p not in likely]
 
     def _decided(self, found: list[Judged]) -> bool:
-        """The photos are sure of one place, and another was tried."""
+        """The photos are sure of one place, and another was tried, and none is a rival."""
         if not found:
             return False
         best = _best(found)
         if best.support < SURE_SUPPORT:
             return False
-        return any(not same_place(self.witnesses, best, other) for other in found)
+        elsewhere = [j for j in found if not same_place(self.witnesses, best, j)]
+        return bool(elsewhere) and not any(torn(best.support, j.support) for j in elsewhere)
 
 
 def _best(found: list[Judged]) -> Judged:
