@@ -54,7 +54,7 @@ def placed(
         mesh,
         lambda camera: scene.gbuffer(camera, ("depth", "normal", "ao", "front")),
         photographed.photos.__getitem__,
-        watched=watched,
+        search.Listener(watched=watched),
     )
 
 

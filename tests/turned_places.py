@@ -28,12 +28,17 @@ def ask_about(project, places, support=(0.33, 0.31, 0.3)):
         np.zeros(401, int), np.zeros(0, int), nothing,
     )  # fmt: skip
     candidates = tuple(
-        Candidate(Similarity.identity(), dict(zip(names, cameras, strict=True)), share, 0.2)
+        Candidate(
+            Similarity.identity(),
+            dict(zip(names, cameras, strict=True)),
+            dict.fromkeys(names, 1.2),
+            share,
+        )
         for cameras, share in zip(places, support, strict=False)
     )
     fit = BlockFit(
-        Similarity.identity(), np.zeros(7), np.zeros(3), 1.0, candidates[0].cameras, 0.2,
-        support[0], support[1], 0.0, False, "the photos fit the mesh in two places", candidates,
-        {"photos_asked": [*names]},
+        Similarity.identity(), np.zeros(7), np.zeros(3), candidates[0].cameras,
+        candidates[0].expected_error_px, support[0], support[1], 0.0, False,
+        "the photos fit the mesh in two places", candidates, {"photos_asked": [*names]},
     )  # fmt: skip
     ask(project, block, fit)

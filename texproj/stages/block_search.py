@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from functools import partial
 
 from texproj.register.block.place import place_block
 from texproj.register.block.reconstruction import Reconstruction
+from texproj.register.block.search import Listener
 from texproj.stages.bench import Workbench
 from texproj.stages.block_fits import STAGE, STEPS, Told, fit_of, load_reduced, rendered
 from texproj.stages.choosing import ask
@@ -16,10 +18,11 @@ from texproj.stages.progress import Progress
 
 
 def searched(
-    bench: Workbench, part: Reconstruction, progress: Progress, asking: bool = False
-) -> Told:
-    """The photos of a part where its shape fits the mesh. asking: places among which the photos do
-    not decide are kept, for somebody to choose.
+    bench: Workbench, part: Reconstruction, calibrated: Collection[str], progress: Progress,
+    asking: bool = False,
+) -> Told:  # fmt: skip
+    """The photos of a part where its shape fits the mesh. calibrated: whose lens is given; asking:
+    places among which the photos do not decide are kept, for somebody to choose.
     """
 
     def listen(what: str, share: float) -> None:
@@ -28,7 +31,8 @@ def searched(
     load = partial(load_reduced, bench, longest=REGISTRATION_LONGEST)
     render = partial(rendered, bench)
     with Draft(bench.project, part) as draft:
-        block = place_block(part, bench.mesh, render, load, listen, draft.show)
+        listener = Listener(listen, draft.show)
+        block = place_block(part, bench.mesh, render, load, listener, calibrated)
     reason = block.reason
     if asking and block.candidates:
         ask(bench.project, part, block)
@@ -42,7 +46,6 @@ def searched(
     told: Told = {}
     for k, name in enumerate(part.names):
         camera = block.cameras[name]
-        error_px = block.expected_error_percent / 100 * max(camera.width, camera.height)
-        fit = fit_of(camera, part, k, error_px, quality)
+        fit = fit_of(camera, part, k, block.expected_error_px[name], quality)
         told[name] = replace(fit, accepted=fit.accepted and block.accepted, reason=reason)
     return told

@@ -4,7 +4,7 @@ structure from motion, then, as one block, on the mesh.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import partial
 from tempfile import TemporaryDirectory
 
@@ -67,9 +67,10 @@ def place_together(
         return refused | told
     keep_graph(bench.project, motion.graph)
     told = _of(names, {**told, **motion.left_out})
+    calibrated = {photo.name for photo in photos if photo.intrinsics is not None}
     for part in motion.parts:
         if {*part.names} & {*names}:
-            told |= _placed(bench, part, anchors, progress)
+            told |= _placed(bench, part, anchors, calibrated, progress)
     trim()
     return told
 
@@ -103,13 +104,14 @@ def _placed(
     bench: Workbench,
     part: Reconstruction,
     anchors: Mapping[str, CameraRecord],
+    calibrated: Collection[str],
     progress: Progress,
 ) -> Told:
     """The cameras of a part of the photos, or why they are none."""
     own = {name: anchors[name] for name in part.names if name in anchors}
     try:
         if own:
-            return held(bench, part, own, progress)
-        return searched(bench, part, progress, asking=True)
+            return held(bench, part, own, calibrated, progress)
+        return searched(bench, part, calibrated, progress, asking=True)
     except RegistrationError as error:
         return {name: str(error) for name in part.names if name not in own}

@@ -5,6 +5,7 @@ They stand in work/ as cameras, so that what is chosen is taken without any new 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -28,24 +29,28 @@ FOLDER, RECORD = "block", "places"
 NONE_OF_THEM = 0
 LOOKED_THROUGH = 2
 """Photos through which the places are shown side by side."""
+ERROR = "expected_error_px"
 PLACED = "placed where you said"
 CHOSEN_ELSEWHERE = "another place was chosen since then"
 
 
 class Place(BaseModel):
-    """One place of all photos together. cameras: entries as in cameras.json; points: what the
-    photos have in common, world.
+    """One place of all photos together. cameras: entries as in cameras.json, with the expected
+    error of each, if it is known; points: what the photos have in common, world.
     """
 
     support: FiniteFloat
-    expected_error_percent: FiniteFloat
     cameras: list[dict[str, Any]]
     points: list[tuple[FiniteFloat, FiniteFloat, FiniteFloat]] = []
 
     def by_name(self) -> dict[str, Camera]:
         """The cameras by photo. Raises InputError for what is none."""
-        records = [record_of_entry(entry) for entry in self.cameras]
-        return {record.file: record.camera for record in records if record.camera is not None}
+        found = self.records()
+        return {record.file: record.camera for record in found if record.camera is not None}
+
+    def records(self) -> list[CameraRecord]:
+        """The entries. Raises InputError for what is none."""
+        return [record_of_entry(entry) for entry in self.cameras]
 
 
 class Question(BaseModel):
@@ -109,8 +114,10 @@ def ask(project: Project, part: Reconstruction, fit: BlockFit) -> None:
         places=[
             Place(
                 support=place.support,
-                expected_error_percent=place.expected_error_percent,
-                cameras=[camera_entry(name, camera) for name, camera in place.cameras.items()],
+                cameras=[
+                    camera_entry(name, camera, place.expected_error_px[name])
+                    for name, camera in place.cameras.items()
+                ],
                 points=sparse_points(part.points, place.world_from_block),
             )
             for place in fit.candidates
@@ -125,10 +132,11 @@ def ask(project: Project, part: Reconstruction, fit: BlockFit) -> None:
     _keep(project, [*others, question])
 
 
-def camera_entry(name: str, camera: Camera) -> dict[str, Any]:
+def camera_entry(name: str, camera: Camera, error_px: float | None = None) -> dict[str, Any]:
     """A camera of a photo as cameras.json has it."""
-    k = camera.intrinsics
-    return entry_of_record(CameraRecord(name, k.width, k.height, k, camera.pose, "prior"))
+    k, quality = camera.intrinsics, {} if error_px is None else {ERROR: error_px}
+    record = CameraRecord(name, k.width, k.height, k, camera.pose, "prior", quality=quality)
+    return entry_of_record(record)
 
 
 @dataclass(frozen=True)
@@ -200,11 +208,12 @@ def said_of(project: Project) -> dict[str, str]:
 def _fits(place: Place, question: Question, names: Collection[str]) -> Mapping[str, Fit]:
     rival = max(p.support for p in question.places if p is not place)
     nothing = np.zeros(0)
+    errors_px = {record.file: record.quality.get(ERROR) for record in place.records()}
     return {
         name: Fit(
             camera=camera,
             method="block",
-            expected_error_px=place.expected_error_percent / 100 * max(camera.width, camera.height),
+            expected_error_px=float(errors_px[name] or math.nan),
             residual_px=nothing,
             inliers=nothing.astype(bool),
             covariance=np.full((6, 6), np.nan),

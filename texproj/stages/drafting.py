@@ -48,7 +48,6 @@ class Draft:
         cameras = placed.cameras(dict(zip(part.names, part.cameras, strict=True)))
         place = Place(
             support=best.support,
-            expected_error_percent=0.0,
             cameras=[camera_entry(name, camera) for name, camera in cameras.items()],
             points=sparse_points(part.points, placed.world_from_block),
         )

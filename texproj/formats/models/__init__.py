@@ -9,6 +9,7 @@ from texproj.formats.models.images import (
     to_8_bit,
     write_pages,
 )
+from texproj.formats.models.lit import Gloss, Images, Parts, write_glossy_glb, write_lit_glb
 from texproj.formats.models.obj import write_obj
 from texproj.formats.models.ply import write_ply
 from texproj.formats.models.read import read_model, scan_from_node
@@ -16,7 +17,10 @@ from texproj.formats.models.usdz import write_usdz
 
 __all__ = [
     "GlbImage",
+    "Gloss",
     "ImageFormat",
+    "Images",
+    "Parts",
     "encode_image",
     "page_files",
     "read_model",
@@ -25,7 +29,9 @@ __all__ = [
     "to_8_bit",
     "write_colored_glb",
     "write_glb",
+    "write_glossy_glb",
     "write_ktx2",
+    "write_lit_glb",
     "write_obj",
     "write_pages",
     "write_ply",

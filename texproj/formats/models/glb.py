@@ -48,18 +48,18 @@ def write_glb(
     and its facts under extras.texproj. Raises OSError.
     """
     document = Document()
-    offset = _offset(model.vertices)
+    offset = offset_of(model.vertices)
     primitives = [
-        _primitive(document, model, int(page), offset) for page in np.unique(model.page_of_face)
+        page_primitive(document, model, int(page), offset) for page in np.unique(model.page_of_face)
     ]
     materials = [_material(i, unlit) for i in range(len(images))]
     if (model.page_of_face < 0).any():
         materials.append(_material(None, unlit))
-    content = _content(path.stem, primitives, materials, offset, standing)
-    content["asset"] = _asset(provenance)
+    content = document_content(path.stem, primitives, materials, offset, standing)
+    content["asset"] = asset_of(provenance)
     if images:
-        content |= _textures([document.view(image) for image in images], image_format)
-    _declare(content, unlit, IMAGE_EXTENSIONS.get(image_format) if images else None)
+        content |= textures([document.view(image) for image in images], image_format)
+    declare(content, unlit, IMAGE_EXTENSIONS.get(image_format) if images else None)
     document.write(path, content)
 
 
@@ -74,35 +74,36 @@ def write_colored_glb(
     since programs misread 16-bit integers. The vertices stay in their order. Raises OSError.
     """
     document = Document()
-    offset = _offset(model.vertices)
+    offset = offset_of(model.vertices)
     attributes = {"POSITION": document.vectors(model.vertices - offset, bounds=True)}
     if model.normals is not None:
-        attributes["NORMAL"] = document.vectors(_units(model.normals))
-    attributes["COLOR_0"] = document.vectors(_linear(model.colors))
+        attributes["NORMAL"] = document.vectors(units(model.normals))
+    attributes["COLOR_0"] = document.vectors(linear(model.colors))
     indices = document.indices(model.faces.ravel())
     primitive = {"attributes": attributes, "indices": indices, "material": 0}
     material = _material(None, unlit) | {"name": "vertex colors"}
     material["pbrMetallicRoughness"]["baseColorFactor"] = [1, 1, 1, 1]
-    content = _content(path.stem, [primitive], [material], offset, standing)
-    content["asset"] = _asset(provenance)
-    _declare(content, unlit, None)
+    content = document_content(path.stem, [primitive], [material], offset, standing)
+    content["asset"] = asset_of(provenance)
+    declare(content, unlit, None)
     document.write(path, content)
 
 
-def _offset(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
+def offset_of(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
     """What positions count from."""
     if single_is_enough(vertices):
         return np.zeros(3)
     return np.round((vertices.min(0) + vertices.max(0)) / 2)
 
 
-def _content(
+def document_content(
     name: str,
     primitives: list[dict[str, Any]],
     materials: list[dict[str, Any]],
     offset: NDArray[np.float64],
     standing: Standing | None,
 ) -> dict[str, Any]:
+    """The scene: one mesh that stands as `standing` says."""
     node: dict[str, Any] = {"mesh": 0, "name": name}
     if offset.any():
         node["translation"] = offset.tolist()
@@ -119,7 +120,8 @@ def _content(
     }
 
 
-def _asset(provenance: Provenance) -> dict[str, Any]:
+def asset_of(provenance: Provenance) -> dict[str, Any]:
+    """Who made it, and whose the photos are."""
     asset: dict[str, Any] = {"version": "2.0", "generator": GENERATOR}
     if provenance.copyright:
         asset["copyright"] = provenance.copyright
@@ -128,7 +130,7 @@ def _asset(provenance: Provenance) -> dict[str, Any]:
     return asset
 
 
-def _declare(content: dict[str, Any], unlit: bool, images: str | None) -> None:
+def declare(content: dict[str, Any], unlit: bool, images: str | None) -> None:
     """Name the extensions that are used, and the one without which nothing can be seen."""
     used = [name for name in (UNLIT if unlit else None, images) if name]
     if used:
@@ -137,7 +139,7 @@ def _declare(content: dict[str, Any], unlit: bool, images: str | None) -> None:
         content["extensionsRequired"] = [images]
 
 
-def _textures(views: list[int], image_format: GlbImage) -> dict[str, Any]:
+def textures(views: list[int], image_format: GlbImage) -> dict[str, Any]:
     """Images, textures and the one way to sample them: linear, never across the border."""
     sampler = {
         "magFilter": LINEAR, "minFilter": LINEAR_MIPMAP_LINEAR,
@@ -158,14 +160,14 @@ def _source(image: int, extension: str | None) -> dict[str, Any]:
     return {"extensions": {extension: source}} if extension else source
 
 
-def _primitive(
+def page_primitive(
     document: Document, model: TexturedMesh, page: int, offset: NDArray[np.float64]
 ) -> dict[str, Any]:
     """The faces of one page, one glTF vertex per pair of vertex and texture vertex."""
     vertex, texel, indices = _pairs(model, page)
     attributes = {"POSITION": document.vectors(model.vertices[vertex] - offset, bounds=True)}
     if model.normals is not None:
-        attributes["NORMAL"] = document.vectors(_units(model.normals[vertex]))
+        attributes["NORMAL"] = document.vectors(units(model.normals[vertex]))
     if page >= 0:
         uv_down = model.uv[texel] * (1, -1) + (0, 1)
         attributes["TEXCOORD_0"] = document.vectors(uv_down)
@@ -197,12 +199,12 @@ def _pairs(
     return pairs // len(model.uv), pairs % len(model.uv), indices
 
 
-def _units(normals: NDArray[np.float64]) -> NDArray[np.float64]:
+def units(normals: NDArray[np.float64]) -> NDArray[np.float64]:
     """Normals that are all of length 1: a vertex without a face has none, and gets one."""
     return np.where(normals.any(axis=1, keepdims=True), normals, (0.0, 0.0, 1.0))
 
 
-def _linear(colors: NDArray[Any]) -> NDArray[np.float32]:
+def linear(colors: NDArray[Any]) -> NDArray[np.float32]:
     """(V, 3) linear light in 0..1 of any kind of colors; alpha is left out."""
     if colors.dtype.kind == "f":
         return np.clip(colors, 0, 1)

@@ -25,17 +25,25 @@ BLOCK = 1 << 14
 
 
 def write_obj(
-    path: Path, model: TexturedMesh, images: Sequence[Path], comments: Sequence[str] = ()
+    path: Path,
+    model: TexturedMesh,
+    images: Sequence[Path],
+    comments: Sequence[str] = (),
+    gloss: Sequence[tuple[Path, Path]] = (),
 ) -> list[Path]:
     """Write `path` and its .mtl beside it; returns both.
 
     images: the files of the pages, in the same folder. Faces are grouped by page, in their order
-    within each. comments: lines at the head of both. Raises OSError.
+    within each. comments: lines at the head of both; gloss: of each page the files of roughness and
+    metallic, for the keys that Blender and others read for physically based materials. Raises
+    OSError.
     """
     materials = path.with_suffix(".mtl")
     untextured = bool((model.page_of_face < 0).any())
     head = "".join(f"# {' '.join(line.split())}\n" for line in comments)
-    materials.write_text(head + _mtl([file.name for file in images], untextured), "utf-8")
+    maps = [f"map_Pr {r.name}\nmap_Pm {m.name}\n" for r, m in gloss] or [""] * len(images)
+    text = _mtl([file.name for file in images], maps, untextured)
+    materials.write_text(head + text, "utf-8")
     with path.open("wb") as out:
         out.write(head.encode())
         out.write(f"mtllib {materials.name}\n".encode())
@@ -54,10 +62,13 @@ def _material(page: int) -> str:
     return f"page_{page}" if page >= 0 else "untextured"
 
 
-def _mtl(images: list[str], untextured: bool) -> str:
-    """Materials that shine by nothing but their texture."""
+def _mtl(images: list[str], maps: list[str], untextured: bool) -> str:
+    """Materials that shine by nothing but their texture and maps."""
     look = "Ka 1 1 1\nKd 1 1 1\nKs 0 0 0\nd 1\nillum 1\n"
-    blocks = [f"newmtl {_material(i)}\n{look}map_Kd {image}\n" for i, image in enumerate(images)]
+    blocks = [
+        f"newmtl {_material(i)}\n{look}map_Kd {image}\n{extra}"
+        for i, (image, extra) in enumerate(zip(images, maps, strict=True))
+    ]
     if untextured:
         blocks.append(f"newmtl {_material(-1)}\n{look.replace('Kd 1 1 1', 'Kd .5 .5 .5')}")
     return "\n".join(blocks)

@@ -17,6 +17,18 @@ listens may raise to stop the work."""
 Watched = Callable[[Judged], None]
 """``watched(place)``: the best place so far."""
 
+
+@dataclass(frozen=True, eq=False)
+class Listener:
+    """Who is told how a search goes."""
+
+    told: Told = lambda what, share: None
+    watched: Watched = lambda place: None
+
+
+NOBODY = Listener()
+
+
 TRIED, TRIED_OF_PARTS = 5, 2
 """Places of a batch of scales that the photos are asked about, at most; the second where block or
 mesh is reduced to what it is about."""
@@ -31,13 +43,12 @@ SURE_SUPPORT = 0.45
 @dataclass(frozen=True, eq=False)
 class Search:
     """proposers: the likeliest first; witnesses: the photos that are asked about every place;
-    watched: told of each place that is better than all before.
+    listener: is told of each place that is better than all before.
     """
 
     proposers: Iterable[Proposer]
     witnesses: tuple[Witness, ...]
-    told: Told
-    watched: Watched
+    listener: Listener
 
     def run(self) -> list[Judged]:
         """All places that the photos were asked about, the best first."""
@@ -45,9 +56,9 @@ class Search:
         for k, proposer in enumerate(self.proposers):
             for j, scales in enumerate((PART_SCALES,) if k else SCALE_BATCHES):
                 share = 0.6 - 0.6 / (1 + j + k)
-                self.told("comparing the photos' points with the mesh", share)
+                self.listener.told("comparing the photos' points with the mesh", share)
                 places = proposer.places(scales)
-                self.told("asking the photos", share)
+                self.listener.told("asking the photos", share)
                 most = TRIED_OF_PARTS if k else TRIED
                 self._ask(self._worth_asking(places, found, most), found)
                 if found and _best(found).support >= SURE_SUPPORT:
@@ -62,7 +73,7 @@ class Search:
             if not self._near_the_sure(place, found):
                 found.append(judged(self.witnesses, place))
                 if _best(found) is found[-1]:
-                    self.watched(found[-1])
+                    self.listener.watched(found[-1])
             if self._decided(found):
                 return
 
