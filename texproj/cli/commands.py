@@ -15,7 +15,7 @@ app = App(
 
 MODULES = {
     "creating": ("new", "demo"),
-    "making": ("register", "refine", "color", "appearance", "run", "report"),
+    "making": ("register", "refine", "color", "appearance", "run", "report", "place"),
     "telling": ("status", "preview"),
     "machine": ("doctor",),
     "inspecting": ("factors", "turntable"),

@@ -162,7 +162,7 @@ def appearance_freshness(project: Project, to: Target | None = None) -> Freshnes
     what was made the last time.
     """
     record = project.load_record(STAGE)
-    reason = changed_inputs(record, _inputs(project, to or _made(record)))
+    reason = changed_inputs(record, _inputs(project, to or _made(record)), project.settings.exclude)
     if record is not None and not reason:
         reason = changed_outputs(project, record)
     return Freshness(STAGE, PLY, not reason, reason)
