@@ -133,6 +133,11 @@ def search_by_own_means(job: Job) -> Search:
     return search.then(("structure", partial(_from_camera, job, camera)) for camera in starts)
 
 
+def search_alone(job: Job, method: str) -> Search:
+    """By the photo's own means, or by the one method that was asked for."""
+    return search_by_own_means(job) if method == AUTO else search_as_asked(job, method)
+
+
 def is_slow(job: Job, method: str) -> bool:
     """Whether a search of the photo alone takes seconds: picks take no time where they fit."""
     if method in ("points", "silhouette"):

@@ -9,8 +9,8 @@ import numpy as np
 
 from texproj.appearance.flash.reflection import DIELECTRIC, Angles, linear_terms
 from texproj.appearance.relight.illumination import Illumination
-from texproj.appearance.relight.radiosity import Obstacles, Radiosity
 from texproj.appearance.relight.lit_surface import LitSurface
+from texproj.appearance.relight.radiosity import Obstacles, Radiosity
 from texproj.arrays import Doubles, Floats
 from texproj.camera import Camera
 from texproj.render import Renderer
