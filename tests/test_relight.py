@@ -17,6 +17,7 @@ from texproj.appearance.relight import (
     relit_pictures,
 )
 from texproj.appearance.relight.environment import all_directions
+from texproj.appearance.relight.split_sum import split_sum
 from texproj.appearance.relight.tone import metered
 from texproj.camera import Camera, Intrinsics, Pose
 from texproj.cli import main
@@ -104,6 +105,18 @@ def test_a_white_furnace_gives_back_no_more_than_it_sends(roughness):
     light, _ = lit(surface((5.0, 0.0), roughness=roughness, base=1.0), environment=everywhere)
     assert light.min() > 1.0
     assert light.max() < 1.06
+
+
+def test_the_mirror_of_a_uniform_light_is_that_on_paper():
+    """Of the roughest mirror, looked at from straight ahead, 1 - log 2: with alpha 1 the integral
+    of D G F / (4 cos) over the hemisphere is closed.
+    """
+    scale, bias = split_sum(np.ones(1, np.float32), np.ones(1, np.float32))
+    assert scale[0] + bias[0] == pytest.approx(1 - np.log(2), abs=0.005)
+    smooth, _ = split_sum(np.ones(1, np.float32), np.zeros(1, np.float32))
+    assert smooth[0] == pytest.approx(1, abs=0.01)
+    _, grazing = split_sum(np.zeros(1, np.float32), np.zeros(1, np.float32))
+    assert grazing[0] > 0.85
 
 
 def test_an_overcast_sky_lights_level_ground_by_its_illuminance():

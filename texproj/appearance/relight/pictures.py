@@ -11,6 +11,7 @@ from texproj.appearance.flash.reflection import DIELECTRIC, Angles, linear_terms
 from texproj.appearance.relight.illumination import Illumination
 from texproj.appearance.relight.lit_surface import LitSurface
 from texproj.appearance.relight.radiosity import Obstacles, Radiosity
+from texproj.appearance.relight.split_sum import split_sum
 from texproj.arrays import Doubles, Floats
 from texproj.camera import Camera
 from texproj.render import Renderer
@@ -96,7 +97,7 @@ class _Shading:
         roughness, metal = between(self.surface.roughness), between(self.surface.metallic)
         out = base / np.float32(np.pi) * soft * (1 - metal)[:, None]
         spread = _Spread(roughness, between(self.openness), between(self.around))
-        scale, bias = _split_sum(_cosine(normal, to_eye), roughness)
+        scale, bias = split_sum(_cosine(normal, to_eye), roughness)
         f0 = DIELECTRIC * (1 - metal)[:, None] + metal[:, None] * base
         mirrored = self._mirrored(xyz, normal, to_eye, spread)
         out += mirrored * (f0 * scale[:, None] + bias[:, None])
@@ -136,17 +137,6 @@ class _Spread:
     roughness: Floats
     openness: Floats
     around: Floats
-
-
-def _split_sum(nv: Floats, roughness: Floats) -> tuple[Floats, Floats]:
-    """What a GGX mirror reflects of a uniform environment: F0 times the first, plus the second.
-
-    The fit of B. Karis, "Physically based shading on mobile", 2014, after D. Lazarov 2013.
-    """
-    rx, ry = 1 - roughness, 0.0425 - 0.0275 * roughness
-    rz, rw = 1.04 - 0.572 * roughness, 0.022 * roughness - 0.04
-    a = np.minimum(rx * rx, np.exp2(-9.28 * nv)) * rx + ry
-    return (-1.04 * a + rz).astype(np.float32), (1.04 * a + rw).astype(np.float32)
 
 
 def _angles(normal: Floats, to_eye: Floats, toward: Floats) -> tuple[Angles, Floats]:
