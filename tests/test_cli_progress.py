@@ -51,10 +51,10 @@ def test_a_command_loads_no_more_than_it_needs():
 
 
 def test_names_do_not_command_the_terminal(capsys):
-    """Escapes, returns and what is no UTF-8 are written out; line breaks and accents stay."""
+    """Escapes, line breaks and what is no UTF-8 are written out; accents stay."""
     talk.say("a\x1b[2Jb\rc\udcff\nd\u202eé中")
     talk.complain("x\x07")
 
     said = capsys.readouterr()
-    assert said.out == "a\\x1b[2Jb\\rc\\udcff\nd\\u202eé中\n"
+    assert said.out == "a\\x1b[2Jb\\rc\\udcff\\nd\\u202eé中\n"
     assert said.err == "texproj: x\\x07\n"
