@@ -271,8 +271,8 @@ def test_the_command_writes_the_surface_and_its_light(project_folder, capsys):
 
 
 def texels_are_vertices(model, vertex):
-    """The texture says the same of the vertices as the ply, which is coarser, and has no fade beside
-    what is unseen.
+    """The texture says the same of the vertices as the ply, which is coarser and does not fade
+    beside what is unseen.
     """
     page = linear_from_srgb(np.asarray(model.pages[0])[..., :3] / 255.0)
     size = np.array(page.shape[1::-1])
