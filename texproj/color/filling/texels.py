@@ -151,7 +151,8 @@ def vertex_colors(
         faces = np.flatnonzero(atlas.page_of_face == page)
         corners = atlas.uv_px[atlas.faces[faces]]
         xy = corners + INWARDS * (corners.mean(axis=1, keepdims=True) - corners)
-        column, row = np.floor(xy.reshape(-1, 2)).astype(np.int64).T
+        at = np.minimum(np.floor(xy.reshape(-1, 2)), np.array(image.shape[1::-1]) - 1)
+        column, row = at.astype(np.int64).T
         sure = np.flatnonzero(distance[row, column] > FADE)
         vertex = mesh.faces[faces].ravel()[sure]
         values = image[row[sure], column[sure]]
