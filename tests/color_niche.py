@@ -62,7 +62,8 @@ def table(options: DemoOptions) -> None:
     visitor = points.hidden.sum(axis=1).argmax()
     hidden = points.hidden[visitor]
     left = (points.shown & ~points.hidden).any(axis=0)
-    gain = np.median(points.light[left].mean(axis=1)) / np.median(color[left].mean(axis=1))
+    ratio = (points.light.mean(axis=1) + 1e-4) / (color.mean(axis=1) + 1e-4)
+    gain = float(np.exp(np.median(np.log(ratio[left]))))  # brightness of the whole is a gauge
     error = delta_e(color * gain, points.light)
     print(f"visitor in {demo.photos[visitor].file}; found in {', '.join(found) or 'none'}")
     parts = {
