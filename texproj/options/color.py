@@ -129,6 +129,11 @@ class OutputOptions:
     """Kinds of model files: auto = glb and obj with a texture, ply with vertex colors (which a glb
     can hold too). usdz holds a texture as png or jpeg, for Apple's viewers and USD."""
 
+    faces: tuple[Annotated[int, Field(ge=4)], ...] = ()
+    """A textured model of so many triangles, with the colors and a normal map of the full mesh; of
+    several numbers the first is the model, the others are levels of detail (model_lod1, ...). The
+    normal map is beside the obj, and in a glb with `unlit = false`."""
+
     image: Literal["png", "jpeg", "webp", "tiff", "ktx2"] = "png"
     """Format of the texture's images. tiff is for the obj, ktx2 (made by the program basisu) for
     the glb: the other model gets png."""

@@ -30,7 +30,8 @@ def write_obj(
 ) -> list[Path]:
     """Write `path` and its .mtl beside it; returns both.
 
-    images: the files of the pages, in the same folder. Faces are grouped by the model's own parts,
+    images: the files of the pages, in the same folder, then those of the model's normal map if
+    there are any. Faces are grouped by the model's own parts,
     if it keeps them, then by page, in their order within each. comments: lines at the head of both.
     Raises OSError.
     """
@@ -78,10 +79,12 @@ def _exact(uv: NDArray[np.float64]) -> Iterator[bytes]:
 
 
 def _mtl(names: Sequence[str], images: list[str], untextured: bool) -> str:
-    """Materials that shine by nothing but their texture."""
+    """Materials that shine by nothing but their texture. names: those of the pages, and one."""
     look = "Ka 1 1 1\nKd 1 1 1\nKs 0 0 0\nd 1\nillum 1\n"
-    pairs = zip(names, images, strict=False)
-    blocks = [f"newmtl {name}\n{look}map_Kd {image}\n" for name, image in pairs]
+    pages = len(names) - 1
+    bumps = [f"norm {image}\n" for image in images[pages:]] or [""] * pages
+    rows = zip(names, images, bumps, strict=False)
+    blocks = [f"newmtl {name}\n{look}map_Kd {image}\n{bump}" for name, image, bump in rows]
     if untextured:
         blocks.append(f"newmtl {UNTEXTURED}\n{look.replace('Kd 1 1 1', 'Kd .5 .5 .5')}")
     return "\n".join(blocks)
