@@ -59,6 +59,8 @@ def write_glb(
     names = page_names(model)
     pages = len(model.pages)
     bumps = len(images) - pages  # as many again, or none
+    if bumps <= 0:
+        model = replace(model, normal_map=None)
     materials = [_material(i, unlit, names[i]) for i in range(min(pages, len(images)))]
     for i, material in enumerate(materials if bumps > 0 else ()):
         material["normalTexture"] = {"index": pages + i}
