@@ -84,7 +84,7 @@ def output_plan(
     plan = OutputPlan(
         tuple(kind for kind in possible if kind in asked),
         "png" if image == "ktx2" else image,
-        "png" if image == "tiff" else image,
+        "png" if image == "tiff" or image == "exr" else image,  # noqa: PLR1714 - mypy narrows
         color.bits,
         output,
         standing(output.up, output.unit, cameras),
@@ -101,12 +101,12 @@ def _check_bits(plan: OutputPlan, textured: bool) -> None:
     if plan.bits == 8:
         return
     deep = (
-        "obj" in plan.models and plan.obj_image in ("png", "tiff")
+        "obj" in plan.models and plan.obj_image in ("png", "tiff", "exr")
         if textured
         else "glb" in plan.models
     )
     if not deep:
-        where = "an obj with png or tiff images" if textured else "a glb"
+        where = "an obj with png, tiff or exr images" if textured else "a glb"
         raise UsageError(f"bits: 16 bits are only held by {where}; add that, or set bits to 8")
 
 
