@@ -17,8 +17,10 @@ from texproj.preview import app as app_module
 from texproj.preview import work
 from texproj.preview.geometry import pack, simplified
 from texproj.preview.jobs import MOST_JOBS, Clock, TooManyJobs
+from texproj.preview.photos import record_facts
 from texproj.preview.session import Session
 from texproj.project import Project
+from texproj.records import CameraRecord
 from texproj.stages.attending import INTERNAL
 
 PHOTO = "0000.png"
@@ -91,6 +93,18 @@ def test_every_photo_has_a_verdict_and_an_advice(page):
     assert photos["0003.png"]["status"] == "prior"
     assert photos[BROKEN]["status"] == "broken"
     assert BROKEN in photos[BROKEN]["reason"]
+
+
+def test_what_to_do_is_told_once():
+    """A reason that says to pick points needs no advice to do so."""
+    told = [
+        record_facts(
+            CameraRecord("a", 60, 40, None, None, "failed", None, {"reason": reason}), picks
+        )["advice"]
+        for reason, picks in [("it is torn; pick 8 points", 0), ("pick 8 points", 3), ("torn", 0)]
+    ]
+
+    assert told == ["", "Pick 5 more points.", "Pick 8 points."]
 
 
 def test_the_mesh_arrives_bit_by_bit(page, root):
@@ -483,6 +497,15 @@ def test_a_ray_says_whether_it_meets_the_back(page, back):
     hit = page.post("/api/hit", json={"origin": origin, "direction": [0, 0, way]}).json()
 
     assert hit["back"] is back
+
+
+@pytest.mark.parametrize("place", ["1", 1.5, True, [1]])
+def test_a_place_that_is_no_number_is_refused(page, place):
+    """No work is started; and where nothing was asked, nothing is shown."""
+    answer = page.post("/api/jobs", json={"kind": "place", "place": place})
+
+    assert answer.status_code == 400
+    assert page.get("/api/places").json() == {"draft": None, "question": None}
 
 
 def test_unknown_work_is_refused(page):

@@ -42,6 +42,7 @@ from texproj.preview.picks import (
     parse_picks,
     save_picks,
 )
+from texproj.preview.places import places_facts
 from texproj.preview.proposals import SURE, Guess, proposals
 from texproj.preview.requests import body
 from texproj.preview.security import BodyTooLong, refuse
@@ -124,6 +125,7 @@ class Handlers:
             Route("/api/models/{name}", self.model),
             Route("/report", self.report),
             Route("/api/hit", self.hit, methods=["POST"]),
+            Route("/api/places", self.places),
             Route("/api/jobs", self.start_job, methods=["POST"]),
             Route("/api/jobs/{number:int}", self.cancel_job, methods=["DELETE"]),
             Route(f"{photo}/image", self.image),
@@ -150,6 +152,10 @@ class Handlers:
 
     def project(self, _: Request) -> Response:
         return JSONResponse(self.session.facts())
+
+    def places(self, _: Request) -> Response:
+        inside(self.session.project.work / "block", self.session.root)
+        return JSONResponse(places_facts(self.session))
 
     async def events(self, _: Request) -> Response:
         hello = {"jobs": [job.as_dict() for job in self.session.jobs.active]}
@@ -218,7 +224,7 @@ class Handlers:
 
     async def start_job(self, request: Request) -> Response:
         data = await body(request)
-        job = work.start(self.session, data.get("kind"), data.get("photo"))
+        job = work.start(self.session, data)
         return JSONResponse(job.as_dict(), status_code=202)
 
     def cancel_job(self, request: Request) -> Response:

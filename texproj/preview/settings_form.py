@@ -10,7 +10,7 @@ from pydantic import TypeAdapter
 
 from texproj.editing.toml import Change, settings_text, settings_version
 from texproj.errors import UsageError
-from texproj.options import is_expert
+from texproj.options import is_expert, meanings
 from texproj.project import Project
 from texproj.settings import SECTIONS
 
@@ -41,7 +41,7 @@ def _options(project: Project, table: str, given: dict[str, Any]) -> list[dict[s
     return [
         {
             "key": key,
-            "help": told.get("description", "").replace("\n", " "),
+            "help": meanings(cls)[key],
             "value": _plain(getattr(values, key)),
             "default": _plain(told.get("default")),
             "given": key in given.get(table, {}),

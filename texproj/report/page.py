@@ -10,8 +10,6 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
 from numpy.typing import NDArray
 
 from texproj.formats.jpeg import jpeg_bytes
@@ -33,6 +31,9 @@ class Pictures:
 
 def page(facts: Mapping[str, Any], shown: Pictures) -> str:
     """The HTML of a report."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # noqa: PLC0415 - slow to load
+    from markupsafe import Markup  # noqa: PLC0415 - comes with it
+
     environment = Environment(
         loader=PackageLoader("texproj.report"),
         autoescape=True,

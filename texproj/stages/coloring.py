@@ -151,7 +151,7 @@ def remove_leftovers(project: Project, before: Any, files: tuple[str, ...]) -> N
 def color_freshness(project: Project) -> Freshness:
     """Whether the model in out/ is what the project's inputs give."""
     record = project.load_record(STAGE)
-    reason = changed_inputs(record, _inputs(project))
+    reason = changed_inputs(record, _inputs(project), project.settings.exclude)
     if record is not None and not reason:
         faults = [n for n, why in record.get("failed", {}).items() if why in (INTERNAL, NO_MEMORY)]
         reason = f"{', '.join(faults)} met an internal fault, which may be gone" if faults else ""

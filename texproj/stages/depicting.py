@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -15,7 +14,7 @@ from texproj.formats.models import read_model
 from texproj.mesh import ColoredMesh, TexturedMesh
 from texproj.project import Project
 from texproj.records import CameraRecord
-from texproj.render import model_pictures
+from texproj.render import ModelLook, model_pictures
 from texproj.report.model import packed_model
 from texproj.report.page import Pictures, data_url
 from texproj.report.pictures import (
@@ -42,7 +41,7 @@ Tell = Callable[[int, int, str], None]
 def pictures(bench: Workbench, records: dict[str, CameraRecord], tell: Tell) -> Pictures:
     """All that the report shows of the project as it stands. tell: photos done, in all, name."""
     names = bench.project.photo_names
-    model = written_model(bench.project)
+    model = written_model(bench.project).model
     overlays: dict[str, str] = {}
     for done, name in enumerate(names):
         tell(done, len(names), name)
@@ -74,7 +73,7 @@ def _from_photos(
         if (record := records.get(name)) and (camera := record.registered_camera)
     }
     chosen = dict(list(cameras.items())[:MOST_COMPARED])
-    found = model_pictures(bench.renderer, model, chosen.values(), samples=1)
+    found = model_pictures(bench.renderer, model, chosen.values(), ModelLook(1))
     return {n: data_url(on_backdrop(p)) for n, p in zip(chosen, found, strict=True)}
 
 
@@ -107,14 +106,31 @@ def _overlay(bench: Workbench, name: str, record: CameraRecord | None) -> str | 
     return data_url(picture)
 
 
-def written_model(project: Project) -> Model | None:
-    """The model as it was written; None if there is none whose images can be read (ktx2)."""
+@dataclass(frozen=True, eq=False)
+class Written:
+    """The model as it was written, or None if none can be shown; notes: which of its files cannot
+    be read, and why.
+    """
+
+    model: Model | None
+    notes: tuple[str, ...] = ()
+
+
+def written_model(project: Project) -> Written:
+    """The first of the written files that can be read: glb, obj, ply."""
     outputs = (project.load_record(COLOR) or {}).get("outputs", {})
+    notes: list[str] = []
     for name in (GLB, OBJ, PLY):
-        if name in outputs and (project.out / name).is_file():
-            with contextlib.suppress(InputError):
-                return _drawable(read_model(project.out / name))
-    return None
+        if name not in outputs or not (project.out / name).is_file():
+            continue
+        try:
+            model = _drawable(read_model(project.out / name))
+        except InputError as error:
+            notes.append(f"{error}")
+            continue
+        notes = [f"{name} is shown, since {why}" for why in notes]
+        return Written(model, tuple(notes))
+    return Written(None, tuple(notes))
 
 
 def _drawable(model: Model) -> Model:

@@ -133,6 +133,14 @@ def search_by_own_means(job: Job) -> Search:
     return search.then(("structure", partial(_from_camera, job, camera)) for camera in starts)
 
 
+def is_slow(job: Job, method: str) -> bool:
+    """Whether a search of the photo alone takes seconds: picks take no time where they fit."""
+    if method in ("points", "silhouette"):
+        return method == "silhouette"
+    picked = job.project.correspondences_path(job.name).is_file()
+    return job.starts_somewhere and not (method == AUTO and picked)
+
+
 def search_by_others(job: Job, earlier: str, before: Collection[str] | None = None) -> Search:
     """By what other photos show of the same surface, by the outline if there is a mask, or by
     structure from where other photos were taken.

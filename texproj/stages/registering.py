@@ -12,6 +12,7 @@ from texproj.records import DOUBTED, CameraRecord, Fit
 from texproj.stages import attempts
 from texproj.stages.attending import PhotoFaultError, attended
 from texproj.stages.bench import Workbench
+from texproj.stages.beside import searched_beside
 from texproj.stages.entries import camera_hash, own_registration, start_of
 from texproj.stages.freshness import Freshness
 from texproj.stages.keeping import Keeper
@@ -22,6 +23,7 @@ from texproj.stages.methods import (
     NEAREST,
     Job,
     Search,
+    is_slow,
     search_as_asked,
     search_by_others,
     search_by_own_means,
@@ -278,13 +280,19 @@ class _Run:
         """Photo by photo, by the method that was asked for or by the photo's own means."""
         if self.asked in ("features", "block"):
             return
-        for name in self.chosen if self.asked == AUTO else self.lineage.order:
-            if name not in self.waiting:
-                continue
-            if self.asked != AUTO:
-                self.attend(name, partial(search_as_asked, method=self.asked))
-            elif not self.through(name) and self.job(name).has_means:
-                self.own[name] = self.attend(name, search_by_own_means)
+        every = self.chosen if self.asked == AUTO else self.lineage.order
+        names = [name for name in every if name in self.waiting and self.is_alone(name)]
+        search = search_by_own_means
+        if self.asked != AUTO:
+            search = partial(search_as_asked, method=self.asked)
+        jobs = [job for job in map(self.job, names) if is_slow(job, self.asked)]
+        with searched_beside(self.bench, jobs, search, self.tell) as found:
+            for name in names:
+                self.own[name] = self.attend(name, found)
+
+    def is_alone(self, name: str) -> bool:
+        """Whether a photo is searched without asking others first."""
+        return self.asked != AUTO or (not self.through(name) and self.job(name).has_means)
 
     def attend_through_others(self) -> None:
         """What the photos that are registered show of others, and those of others again."""
@@ -336,6 +344,11 @@ class _Run:
 
     # --- one photo
 
+    def tell(self, name: str) -> None:
+        """Tell that a photo is attended; whoever listens may stop the work."""
+        done = min(len(self.outcomes), len(self.chosen) - 1)
+        self.progress(STAGE, done, len(self.chosen), name)
+
     def state(self, name: str) -> Freshness:
         entry, trace = self.entries.get(name), self.traces[name]
         return state(self.lineage.sources, name, entry, trace, self.cameras, self.around)
@@ -354,8 +367,7 @@ class _Run:
 
     def attend(self, name: str, search: Callable[[Job], Search]) -> Search:
         """Search the camera of a photo; whatever comes of it becomes its entry."""
-        done = min(len(self.outcomes), len(self.chosen) - 1)
-        self.progress(STAGE, done, len(self.chosen), name)
+        self.tell(name)
         job, before = self.job(name), self.entries.get(name)
         found, why = attempts.searched(job, search)
         self.faulty |= {name} if FAULT in why else set()

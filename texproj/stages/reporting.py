@@ -81,7 +81,7 @@ def report_project(bench: Workbench, progress: Progress = silent) -> ReportOutco
 def report_freshness(project: Project) -> Freshness:
     """Whether the report tells of the project as it stands."""
     record = project.load_record(STAGE)
-    reason = changed_inputs(record, _inputs(project))
+    reason = changed_inputs(record, _inputs(project), project.settings.exclude)
     if record is not None and not reason:
         written = record.get("outputs", {})
         gone = [n for n in (HTML, JSON) if project.hash_of(project.out / n) != written.get(n)]

@@ -10,6 +10,7 @@ from texproj.formats.models.images import (
     to_8_bit,
     write_pages,
 )
+from texproj.formats.models.lit import Gloss, Images, Parts, write_glossy_glb, write_lit_glb
 from texproj.formats.models.obj import write_obj
 from texproj.formats.models.page_names import file_endings
 from texproj.formats.models.ply import write_ply
@@ -18,7 +19,10 @@ from texproj.formats.models.usdz import write_usdz
 
 __all__ = [
     "GlbImage",
+    "Gloss",
     "ImageFormat",
+    "Images",
+    "Parts",
     "encode_image",
     "file_endings",
     "numbered",
@@ -29,7 +33,9 @@ __all__ = [
     "to_8_bit",
     "write_colored_glb",
     "write_glb",
+    "write_glossy_glb",
     "write_ktx2",
+    "write_lit_glb",
     "write_obj",
     "write_pages",
     "write_ply",

@@ -67,18 +67,18 @@ def write_glb(
     if (model.page_of_face < 0).any():
         materials.append(_material(None, unlit, UNTEXTURED))
     if model.parts is None:
-        offset = _offset(model.vertices)
+        offset = offset_of(model.vertices)
         everywhere = np.ones(len(model.faces), bool)
-        primitives = _primitives(document, model, everywhere, offset)
-        content = _content(path.stem, primitives, materials, offset, standing)
+        primitives = primitives_of(document, model, everywhere, offset)
+        content = document_content(path.stem, primitives, materials, offset, standing)
     else:
         content = _scene(document, model, model.parts, standing) | {"materials": materials}
-    content["asset"] = _asset(provenance)
+    content["asset"] = asset_of(provenance)
     if images:
-        content |= _textures([document.view(image) for image in images], image_format)
+        content |= textures([document.view(image) for image in images], image_format)
         if model.parts is not None and not _in_one_tile(model.parts.uv_down):
             content["samplers"] = [SAMPLER | {"wrapS": REPEAT, "wrapT": REPEAT}]
-    _declare(content, unlit, IMAGE_EXTENSIONS.get(image_format) if images else None)
+    declare(content, unlit, IMAGE_EXTENSIONS.get(image_format) if images else None)
     document.write(path, content)
 
 
@@ -93,35 +93,36 @@ def write_colored_glb(
     since programs misread 16-bit integers. The vertices stay in their order. Raises OSError.
     """
     document = Document()
-    offset = _offset(model.vertices)
+    offset = offset_of(model.vertices)
     attributes = {"POSITION": document.vectors(model.vertices - offset, bounds=True)}
     if model.normals is not None:
-        attributes["NORMAL"] = document.vectors(_units(model.normals))
-    attributes["COLOR_0"] = document.vectors(_linear(model.colors))
+        attributes["NORMAL"] = document.vectors(units(model.normals))
+    attributes["COLOR_0"] = document.vectors(linear(model.colors))
     indices = document.indices(model.faces.ravel())
     primitive = {"attributes": attributes, "indices": indices, "material": 0}
     material = _material(None, unlit, "vertex colors")
     material["pbrMetallicRoughness"]["baseColorFactor"] = [1, 1, 1, 1]
-    content = _content(path.stem, [primitive], [material], offset, standing)
-    content["asset"] = _asset(provenance)
-    _declare(content, unlit, None)
+    content = document_content(path.stem, [primitive], [material], offset, standing)
+    content["asset"] = asset_of(provenance)
+    declare(content, unlit, None)
     document.write(path, content)
 
 
-def _offset(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
+def offset_of(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
     """What positions count from."""
     if single_is_enough(vertices):
         return np.zeros(3)
     return np.round((vertices.min(0) + vertices.max(0)) / 2)
 
 
-def _content(
+def document_content(
     name: str,
     primitives: list[dict[str, Any]],
     materials: list[dict[str, Any]],
     offset: NDArray[np.float64],
     standing: Standing | None,
 ) -> dict[str, Any]:
+    """The scene: one mesh that stands as `standing` says."""
     node: dict[str, Any] = {"mesh": 0, "name": name}
     if offset.any():
         node["translation"] = offset.tolist()
@@ -154,7 +155,7 @@ def _scene(
         rows = parts.node_of_face == number
         if rows.any():
             own, offset = _in_frame(model, part.world)
-            primitives = _primitives(document, own, rows, offset)
+            primitives = primitives_of(document, own, rows, offset)
             meshes.append({"primitives": primitives, "name": part.mesh_name or part.name})
             shown = {"mesh": len(meshes) - 1}
             if offset.any():
@@ -175,7 +176,7 @@ def _in_frame(
 ) -> tuple[TexturedMesh, NDArray[np.float64]]:
     """The model in the frame of a node, and what its positions count from there."""
     if (world == np.eye(4)).all():
-        return model, _offset(model.vertices)
+        return model, offset_of(model.vertices)
     inverse = np.linalg.inv(world)
     vertices = model.vertices @ inverse[:3, :3].T + inverse[:3, 3]
     normals, faces, uv_faces = model.normals, model.faces, model.uv_faces
@@ -185,20 +186,20 @@ def _in_frame(
     if np.linalg.det(world[:3, :3]) < 0:
         faces, uv_faces = faces[:, ::-1], uv_faces[:, ::-1]
     own = replace(model, vertices=vertices, faces=faces, uv_faces=uv_faces, normals=normals)
-    return own, _offset(vertices)
+    return own, offset_of(vertices)
 
 
 def _in_one_tile(uv: NDArray[np.float64]) -> bool:
     return bool(((uv >= 0) & (uv <= 1)).all())
 
 
-def _primitives(
+def primitives_of(
     document: Document,
     model: TexturedMesh,
     rows: NDArray[np.bool_],
     offset: NDArray[np.float64],
 ) -> list[dict[str, Any]]:
-    """One for each page of the chosen faces (F,)."""
+    """One primitive for each page of the chosen faces (F,)."""
     pages = np.unique(model.page_of_face[rows]).tolist()
     return [
         _primitive(document, model, page, rows & (model.page_of_face == page), offset)
@@ -206,7 +207,8 @@ def _primitives(
     ]
 
 
-def _asset(provenance: Provenance) -> dict[str, Any]:
+def asset_of(provenance: Provenance) -> dict[str, Any]:
+    """Who made it, and whose the photos are."""
     asset: dict[str, Any] = {"version": "2.0", "generator": GENERATOR}
     if provenance.copyright:
         asset["copyright"] = provenance.copyright
@@ -215,7 +217,7 @@ def _asset(provenance: Provenance) -> dict[str, Any]:
     return asset
 
 
-def _declare(content: dict[str, Any], unlit: bool, images: str | None) -> None:
+def declare(content: dict[str, Any], unlit: bool, images: str | None) -> None:
     """Name the extensions that are used, and the one without which nothing can be seen."""
     used = [name for name in (UNLIT if unlit else None, images) if name]
     if used:
@@ -224,7 +226,7 @@ def _declare(content: dict[str, Any], unlit: bool, images: str | None) -> None:
         content["extensionsRequired"] = [images]
 
 
-def _textures(views: list[int], image_format: GlbImage) -> dict[str, Any]:
+def textures(views: list[int], image_format: GlbImage) -> dict[str, Any]:
     """Images, textures and the one way to sample them: linear, never across the border."""
     return {
         "images": [{"mimeType": f"image/{image_format}", "bufferView": view} for view in views],
@@ -252,7 +254,7 @@ def _primitive(
     vertex, texel, indices = _pairs(model, page, rows)
     attributes = {"POSITION": document.vectors(model.vertices[vertex] - offset, bounds=True)}
     if model.normals is not None:
-        attributes["NORMAL"] = document.vectors(_units(model.normals[vertex]))
+        attributes["NORMAL"] = document.vectors(units(model.normals[vertex]))
     if page >= 0:
         kept = model.parts.uv_down[texel] if model.parts is not None else None
         uv_down = model.uv[texel] * (1, -1) + (0, 1) if kept is None else kept
@@ -286,12 +288,12 @@ def _pairs(
     return pairs // len(model.uv), pairs % len(model.uv), indices
 
 
-def _units(normals: NDArray[np.float64]) -> NDArray[np.float64]:
+def units(normals: NDArray[np.float64]) -> NDArray[np.float64]:
     """Normals that are all of length 1: a vertex without a face has none, and gets one."""
     return np.where(normals.any(axis=1, keepdims=True), normals, (0.0, 0.0, 1.0))
 
 
-def _linear(colors: NDArray[Any]) -> NDArray[np.float32]:
+def linear(colors: NDArray[Any]) -> NDArray[np.float32]:
     """(V, 3) linear light in 0..1 of any kind of colors; alpha is left out."""
     if colors.dtype.kind == "f":
         return np.clip(colors, 0, 1)

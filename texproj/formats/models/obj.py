@@ -26,20 +26,27 @@ BLOCK = 1 << 14
 
 
 def write_obj(
-    path: Path, model: TexturedMesh, images: Sequence[Path], comments: Sequence[str] = ()
+    path: Path,
+    model: TexturedMesh,
+    images: Sequence[Path],
+    comments: Sequence[str] = (),
+    gloss: Sequence[tuple[Path, Path]] = (),
 ) -> list[Path]:
     """Write `path` and its .mtl beside it; returns both.
 
     images: the files of the pages, in the same folder, then those of the model's normal map if
-    there are any. Faces are grouped by the model's own parts,
-    if it keeps them, then by page, in their order within each. comments: lines at the head of both.
-    Raises OSError.
+    there are any. Faces are grouped by the model's own parts, if it keeps them, then by page, in
+    their order within each. comments: lines at the head of both; gloss: of each page the files of
+    roughness and metallic, for the keys that Blender and others read for physically based
+    materials. Raises OSError.
     """
     materials = path.with_suffix(".mtl")
     names = (*page_names(model), UNTEXTURED)  # the last is that of page -1
     untextured = bool((model.page_of_face < 0).any())
     head = "".join(f"# {' '.join(line.split())}\n" for line in comments)
-    materials.write_text(head + _mtl(names, [file.name for file in images], untextured), "utf-8")
+    maps = [f"map_Pr {r.name}\nmap_Pm {m.name}\n" for r, m in gloss] or [""] * len(images)
+    text = _mtl(names, [file.name for file in images], maps, untextured)
+    materials.write_text(head + text, "utf-8")
     with path.open("wb") as out:
         out.write(head.encode())
         out.write(f"mtllib {materials.name}\n".encode())
@@ -78,13 +85,17 @@ def _exact(uv: NDArray[np.float64]) -> Iterator[bytes]:
         yield "".join(f"vt {u!r} {v!r}\n" for u, v in rows).encode()
 
 
-def _mtl(names: Sequence[str], images: list[str], untextured: bool) -> str:
-    """Materials that shine by nothing but their texture. names: those of the pages, and one."""
+def _mtl(names: Sequence[str], images: list[str], maps: list[str], untextured: bool) -> str:
+    """Materials that shine by nothing but their texture and maps. names: those of the pages, and
+    one; images: of the pages, then maybe of their normal maps.
+    """
     look = "Ka 1 1 1\nKd 1 1 1\nKs 0 0 0\nd 1\nillum 1\n"
     pages = len(names) - 1
     bumps = [f"norm {image}\n" for image in images[pages:]] or [""] * pages
-    rows = zip(names, images, bumps, strict=False)
-    blocks = [f"newmtl {name}\n{look}map_Kd {image}\n{bump}" for name, image, bump in rows]
+    blocks = [
+        f"newmtl {name}\n{look}map_Kd {image}\n{extra}{bump}"
+        for name, image, extra, bump in zip(names, images, maps, bumps, strict=False)
+    ]
     if untextured:
         blocks.append(f"newmtl {UNTEXTURED}\n{look.replace('Kd 1 1 1', 'Kd .5 .5 .5')}")
     return "\n".join(blocks)

@@ -136,6 +136,26 @@ export interface SettingsForm {
   tables: SettingsTable[];
 }
 
+/** Where all photos together may be. support: share of the model's structure in place there. */
+export interface Place {
+  support: number;
+  points: Vec3[];
+  cameras: Record<string, Camera>;
+}
+
+/** draft: the best place so far while photos are placed; question: which of several is right. */
+export interface Places {
+  draft: Place | null;
+  question: {
+    photos: string[];
+    /** The photos through which the places are shown. */
+    looks: string[];
+    places: Place[];
+    /** A number from 1, 0 for none of them, null as long as nobody has chosen. */
+    answer: number | null;
+  } | null;
+}
+
 export interface Pack {
   facts: Record<string, unknown>;
   arrays: Record<string, Float32Array | Uint32Array | Uint8Array | Int8Array>;
@@ -190,8 +210,10 @@ export const facts = () => json<Facts>(demand("/api/project"));
 export const hit = (origin: Vec3, direction: Vec3) =>
   json<Hit | null>(demand("/api/hit", sending("POST", { origin, direction })));
 
-export const startJob = (kind: string, photo?: string) =>
-  json<Job>(demand("/api/jobs", sending("POST", { kind, photo })));
+export const startJob = (kind: string, more: { photo?: string; place?: number | null } = {}) =>
+  json<Job>(demand("/api/jobs", sending("POST", { kind, ...more })));
+
+export const places = () => json<Places>(demand("/api/places"));
 
 export const cancelJob = (id: number) => request(`/api/jobs/${id}`, { method: "DELETE" });
 

@@ -7,18 +7,19 @@ import { Edits } from "./edits.ts";
 import { Home } from "./home.ts";
 import type { Host } from "./host.ts";
 import { LayerLoader, showLegend } from "./layers.ts";
-import type { Vec2 } from "./lens.ts";
+import type { Camera, Vec2 } from "./lens.ts";
 import { lockButtons, notice, runningJob, showJob } from "./notice.ts";
-import { loadTexture } from "./overlay.ts";
 import type { Look } from "./panel.ts";
-import { LAYERS, viewPanel } from "./panel.ts";
+import { viewPanel } from "./panel.ts";
 import { PhotoList, worstFirst } from "./photolist.ts";
 import { MaskMode } from "./maskmode.ts";
 import { maskPanel } from "./maskpanel.ts";
+import { exposePictures } from "./exposure.ts";
 import { download, modelSection } from "./modelpanel.ts";
 import { PickHands } from "./pickhands.ts";
 import { PickMode } from "./pickmode.ts";
 import { pickPanel } from "./pickpanel.ts";
+import { Places } from "./places.ts";
 import { showStart } from "./startcard.ts";
 import type { Layer } from "./surface.ts";
 import { Viewport } from "./viewport.ts";
@@ -34,13 +35,13 @@ export class App implements Host {
   readonly picking = new PickMode(this);
   readonly hands = new PickHands(this.picking);
   readonly masks = new MaskMode(this, this.picking.pane);
+  readonly places = new Places(this);
   private readonly list = new PhotoList(() => this.show());
   private readonly edits = new Edits(this);
   private readonly loader = new LayerLoader(this.viewport.surface);
   private meshKey = "";
   private refreshing: Promise<void> | null = null;
   private again = false;
-  private overlayPhoto = "";
   /** The layer that was asked for last; one that arrives late and is another is not shown. */
   private wanted: Layer = "shaded";
   private startCard = true;
@@ -67,8 +68,12 @@ export class App implements Host {
     return this.facts?.photos.find((photo) => photo.name === this.chosen) ?? null;
   }
 
+  get photos(): api.PhotoFacts[] {
+    return this.facts?.photos ?? [];
+  }
+
   get unregistered(): number {
-    return (this.facts?.photos ?? []).filter(({ status }) => status !== "registered" && status !== "broken").length;
+    return this.photos.filter(({ status }) => status !== "registered" && status !== "broken").length;
   }
 
   get mode(): string {
@@ -112,6 +117,14 @@ export class App implements Host {
     this.show();
   }
 
+  lookThrough(photo: string, camera: Camera): void {
+    this.chosen = photo;
+    this.viewport.enterPhoto(camera);
+    void this.loadOverlay(photo);
+    this.change({ opacity: 1, wipe: 0.5 });
+    this.show();
+  }
+
   exitPhoto(): void {
     this.viewport.exitPhoto();
     this.show();
@@ -151,9 +164,9 @@ export class App implements Host {
     this.show();
   }
 
-  async start(kind: string): Promise<void> {
+  async start(kind: string, more: { place?: number | null } = {}): Promise<void> {
     notice("");
-    const job = await api.startJob(kind).catch((error: unknown) => this.complain(error));
+    const job = await api.startJob(kind, more).catch((error: unknown) => this.complain(error));
     if (job) showJob(job);
     this.show();
   }
@@ -251,7 +264,8 @@ export class App implements Host {
       choose: (photo) => this.choose(photo),
     });
     this.showPanel();
-    showStart(this.facts, this.startCard && this.mode === "view" && !runningJob(), {
+    this.places.show(this.mode === "view");
+    showStart(this.facts, this.startCard && this.mode === "view" && !runningJob() && !this.places.asking, {
       run: () => void this.start("run"),
       pick: (photo) => void this.pick(photo),
       close: () => {
@@ -261,7 +275,7 @@ export class App implements Host {
     });
     lockButtons();
     const inPhoto = this.viewport.photoCamera !== null;
-    byId("model-title").textContent = inPhoto && this.mode === "view" ? `Through ${this.chosen}` : "";
+    byId("model-title").textContent = inPhoto && this.mode === "view" ? this.places.title(`Through ${this.chosen}`) : "";
     byId("wipe").hidden = !inPhoto || this.mode !== "view";
     this.viewport.frustums.mark(this.chosen, null);
     showLegend(this.look.layer, this.loader.span);
@@ -287,7 +301,7 @@ export class App implements Host {
             mask: (photo) => void this.mask(photo),
             viewNamed: (name) => this.choose(this.facts!.photos.find((photo) => photo.name === name)!),
           });
-    if (this.mode === "view") parts.push(this.modelPart());
+    if (this.mode === "view") parts.push(...this.places.section(), this.modelPart());
     byId("panel").replaceChildren(...parts);
   }
 
@@ -326,6 +340,7 @@ export class App implements Host {
     await this.setLayer(first ? this.bestLayer() : this.wanted);
     this.followCamera();
     this.applyLook();
+    await this.places.load();
     this.show();
     document.body.dataset.ready = "true";
     byId("loading").hidden = true;
@@ -371,29 +386,13 @@ export class App implements Host {
     if (JSON.stringify(camera) !== JSON.stringify(this.viewport.photoCamera)) this.viewport.enterPhoto(camera);
   }
 
-  /** The photo at full size, over the view; a small one while it loads. */
+  /** The photo over the view. */
   async loadOverlay(name: string): Promise<void> {
-    if (this.overlayPhoto === name) return;
-    this.overlayPhoto = name;
-    this.viewport.overlay.setPhoto(null);
-    for (const size of [1600, 8192] as const) {
-      const texture = await loadTexture(api.imageUrl(name, size)).catch(() => null);
-      if (this.overlayPhoto !== name || !texture) return;
-      this.viewport.overlay.setPhoto(texture);
-      this.viewport.overlay.show(this.viewport.photoCamera !== null && !this.viewport.flying);
+    const { overlay } = this.viewport;
+    await overlay.load(name, (size) => {
+      overlay.show(this.viewport.photoCamera !== null && !this.viewport.flying);
       this.viewport.invalidate();
       document.body.dataset.overlay = `${name} ${size}`;
-    }
+    });
   }
-
-  layerByNumber(number: number): void {
-    const entry = LAYERS[number - 1];
-    if (entry) void this.setLayer(entry.layer);
-  }
-}
-
-/** Photos outside of the 3D view are shown with the same exposure, on linear light. */
-function exposePictures(stops: number): void {
-  document.body.dataset.exposed = String(stops !== 0);
-  for (const channel of document.querySelectorAll("#exposed [type=linear]")) channel.setAttribute("slope", String(2 ** stops));
 }

@@ -10,9 +10,9 @@ export interface ModelActions {
 }
 
 const KINDS: Record<string, string> = {
-  texture: "A texture, blended from all photos",
-  patches: "A texture of patches of single photos",
-  vertices: "A color at each vertex of the scan",
+  texture: "Blended texture",
+  patches: "Texture of patches",
+  vertices: "Vertex colors",
 };
 
 export function modelSection(facts: Facts, act: ModelActions): HTMLElement {
