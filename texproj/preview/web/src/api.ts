@@ -41,6 +41,8 @@ export interface Facts {
   mesh: { key: string; file: string };
   photos: PhotoFacts[];
   models: Record<string, string | null>;
+  /** Files to be taken away, and the word for each. */
+  downloads: { name: string; word: string }[];
   /** Photos that are left out of everything. */
   excluded: string[];
   /** What is made: vertices, texture or patches. */

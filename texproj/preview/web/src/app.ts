@@ -233,6 +233,7 @@ export class App implements Host {
     const layers: Layer[] = facts ? ["shaded", "normals", "ao"] : [];
     if (facts?.models["model.ply"]) layers.push("color");
     if (facts?.models["model.glb"]) layers.push("texture");
+    if (facts?.models["appearance.ply"]) layers.push("base");
     if (facts?.photos.some((photo) => photo.status === "registered")) layers.push("mean", "coverage", "source");
     if (this.photo ? this.photo.status === "registered" : layers.includes("source")) layers.push("weights");
     return new Set(layers);
@@ -308,6 +309,7 @@ export class App implements Host {
   private modelPart(): HTMLElement {
     return modelSection(this.facts!, {
       make: (to) => void this.edits.makeTo(to),
+      film: () => void this.start("turntable"),
       takePicture: () => void download(this.viewport.picture(), `${this.facts!.name}.png`),
     });
   }

@@ -27,6 +27,7 @@ export const LAYERS: { layer: Layer; name: string; what: string }[] = [
   { layer: "source", name: "Source", what: "Which photo counts most" },
   { layer: "weights", name: "Weights", what: "How much the chosen photo counts" },
   { layer: "mean", name: "Mean", what: "The plain mean of all photos: what is off shows as doubled edges" },
+  { layer: "base", name: "Base color", what: "The surface itself, without the light of the photos" },
 ];
 
 /** What a photo's weight is made of; the first is all of it but what depends on other photos. */

@@ -9,11 +9,11 @@ import fragmentShader from "./surface.frag.glsl";
 import vertexShader from "./surface.vert.glsl";
 import { frontOf } from "./upright.ts";
 
-export type Layer = "color" | "mean" | "texture" | "shaded" | "normals" | "ao" | "coverage" | "source" | "weights";
+export type Layer = "color" | "mean" | "texture" | "base" | "shaded" | "normals" | "ao" | "coverage" | "source" | "weights";
 
 /** Which branch of surface.frag.glsl shows a layer. */
 const MODES: Record<Layer, number> = {
-  color: 0, mean: 0, texture: 0, shaded: 1, normals: 2, ao: 3, source: 4, coverage: 5, weights: 5,
+  color: 0, mean: 0, texture: 0, base: 0, shaded: 1, normals: 2, ao: 3, source: 4, coverage: 5, weights: 5,
 };
 
 export class Surface {
