@@ -35,6 +35,17 @@ def relief(seed: int) -> Mesh:
     return Mesh(*trimesh.remesh.subdivide_to_size(solid.vertices, solid.faces, 0.5))
 
 
+def twin(seed: int) -> Mesh:
+    """A relief that is the same after half a turn about the line of sight."""
+    half = relief(seed)
+    keep = (half.vertices[half.faces][:, :, 0] > -1e-9).all(axis=1)
+    right = half.faces[keep]
+    turned = half.vertices * (-1, -1, 1)
+    return Mesh(
+        np.concatenate([half.vertices, turned]), np.concatenate([right, right + len(turned)])
+    )
+
+
 def random_similarity(rng: np.random.Generator) -> Similarity:
     """Any rotation, sizes from a seventh to seven times, far from the origin."""
     turn = trimesh.transformations.random_rotation_matrix(rng.random(3))[:3, :3]
@@ -92,13 +103,14 @@ def with_background(block: Reconstruction, frame: Similarity, count: int = 3000)
 
 @dataclass(frozen=True, eq=False)
 class Wall:
-    """A relief of which six photos are taken."""
+    """A relief of which six photos are taken; twofold: it looks the same upside down."""
 
     seed: int
+    twofold: bool = False
 
     @cached_property
     def mesh(self) -> Mesh:
-        return relief(self.seed)
+        return twin(self.seed) if self.twofold else relief(self.seed)
 
     @cached_property
     def solid(self) -> trimesh.Trimesh:

@@ -1,6 +1,6 @@
 """Photographs of a lump in a dark room, a flash beside the camera, by exact rays: without bounces,
-but of a surface whose highlights are not those that are fitted (Beckmann's distribution, Cook and
-Torrance's grooves, exact Fresnel).
+but of a surface whose highlights are not those that are fitted: half GGX and half Beckmann, Cook
+and Torrance's grooves, exact Fresnel.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 
-from texproj.appearance.brdf.distributions import Beckmann
+from texproj.appearance.brdf.distributions import GGX, Beckmann
 from texproj.appearance.brdf.fresnel import Dielectric
 from texproj.appearance.brdf.shadowing import cook_torrance
 from texproj.camera import Camera, Intrinsics, Pose
@@ -24,7 +24,7 @@ SIZE = (240, 180)
 DISTANCE = 0.9
 INTENSITY = 0.5 * np.pi * DISTANCE**2
 ROUGHNESS = (0.85, 0.36, 0.48)
-DISTRIBUTION = Beckmann
+BECKMANN = 0.5
 METALLIC = (0.0, 0.0, 1.0)
 COLORS = np.array([[0.5, 0.42, 0.35], [0.1, 0.18, 0.4], [0.9, 0.66, 0.32]])
 
@@ -78,7 +78,8 @@ def reflected(kind: np.ndarray, base: np.ndarray, wi, wo) -> np.ndarray:
     for number in range(3):
         rows = kind == number
         i, o, h = wi[rows], wo[rows], half[rows]
-        d = DISTRIBUTION(ROUGHNESS[number] ** 2).density(h)
+        alpha = ROUGHNESS[number] ** 2
+        d = BECKMANN * Beckmann(alpha).density(h) + (1 - BECKMANN) * GGX(alpha).density(h)
         s = d * cook_torrance(i, o, h) / (4 * i[:, 2] * o[:, 2])
         if METALLIC[number]:
             out[rows] = base[rows] * s[:, None]

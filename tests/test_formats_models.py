@@ -28,7 +28,7 @@ from texproj.formats.models import (
 from texproj.formats.models import write_glb as write_glb_with
 from texproj.formats.models import write_obj as write_obj_with
 from texproj.formats.models.binary import Document, required_extensions
-from texproj.formats.models.images import IMAGE_SUFFIXES, page_files, write_pages
+from texproj.formats.models.images import IMAGE_SUFFIXES, numbered, page_files, write_pages
 from texproj.formats.models.text import decimals, integers, lines
 from texproj.mesh import ColoredMesh, Mesh, TexturedMesh, vertex_normals
 
@@ -64,7 +64,7 @@ def model(pages=2, untextured=True, offset=0.0, normals=False, dtype=np.uint8):
 
 def write_obj(path, textured, images="png"):
     """The obj, its mtl and its images; all files."""
-    files = page_files(path.with_suffix(""), len(textured.pages), IMAGE_SUFFIXES[images])
+    files = page_files(path.with_suffix(""), numbered(len(textured.pages)), IMAGE_SUFFIXES[images])
     write_pages(path.with_suffix(""), textured.pages, images)
     return [*write_obj_with(path, textured, files), *files]
 

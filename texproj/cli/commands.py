@@ -19,6 +19,7 @@ MODULES = {
     "telling": ("status", "preview"),
     "machine": ("doctor",),
     "inspecting": ("factors", "turntable"),
+    "relighting": ("relight",),
     "exchange": ("import_", "export"),
 }
 """Modules of this package, and the commands that each holds."""

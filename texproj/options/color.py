@@ -71,6 +71,10 @@ class ColorOptions:
     texels_per_pixel: Annotated[float, Field(gt=0, le=4)] = 1.0
     """Texels along a line per pixel of the photo that shows the surface best."""
 
+    fill: Annotated[Literal["around", "texture"], EXPERT] = "around"
+    """What a texture shows where no photo sees: colors from around it, or the texture that the mesh
+    file brings."""
+
     checker: Annotated[str, Field(min_length=1)] | None = None
     """Photo of a 24-patch color chart that makes the colors absolute: a path in the project."""
 
@@ -82,6 +86,11 @@ class ColorOptions:
 @dataclass(frozen=True, config=STRICT)
 class UnwrapOptions:
     """How the surface is cut into charts and laid out on the pages of the texture."""
+
+    keep: Literal["auto", "on", "off"] = "auto"
+    """Texture coordinates that the mesh (glb, gltf, obj) brings are the texture's, with materials,
+    tiles and names. "auto": where every face has a place of its own; "on": shared places are
+    painted once, and it is an error to have none; "off": never."""
 
     page_size: Annotated[int, Field(ge=16, le=32768)] = 8192
     """Largest width and height of a page, texels."""

@@ -89,6 +89,7 @@ def camera_facts(camera: Camera) -> dict[str, Any]:
         "f": [k.fx, k.fy],
         "c": [k.cx, k.cy],
         "dist": list(k.dist),
+        "model": k.model,
         "max_radius": radius if np.isfinite(radius) else None,
         "R": pose.R.tolist(),
         "t": pose.t.tolist(),

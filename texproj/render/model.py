@@ -69,21 +69,44 @@ def model_pictures(
     look: ModelLook | None = None,
 ) -> Iterator[Bytes]:
     """The same from several cameras, one after the other; mesh and texture are loaded once."""
-    paint = _textured(model) if isinstance(model, TexturedMesh) else _colored(model)
+    paint = paint_of(model)
     with renderer.load(Mesh(model.vertices, model.faces)) as scene:
         for camera in cameras:
             yield _picture(scene, paint, camera, look or ModelLook())
 
 
 def _picture(scene: Scene, paint: Paint, camera: Camera, look: ModelLook) -> Bytes:
-    samples = look.samples
+    def shade(met: Met) -> Floats:
+        color = paint(met)
+        if look.backs is not None:
+            color[~met.outside] = look.backs
+        return color
+
+    out = np.zeros((camera.height, camera.width, 4), np.uint8)
+
+    def keep(rows: slice, layers: Floats) -> None:
+        out[rows] = _encoded(layers)
+
+    draw(scene, shade, camera, look.samples, keep)
+    return out
+
+
+def draw(
+    scene: Scene,
+    shade: Paint,
+    camera: Camera,
+    samples: int,
+    keep: Callable[[slice, Floats], None],
+) -> None:
+    """Draw a picture strip by strip, in threads. shade: the color of what rays meet; keep: takes
+    rows of the picture, (h, w, 4) linear colors times alpha, and alpha.
+    """
     fine = camera.resized(camera.width * samples, camera.height * samples)
     face, ideal = scene.gbuffer(fine, ("face",)).require("face"), ideal_grid(fine.intrinsics)
     surface = scene.surface
     matrix = surface.cam_from_local(fine).astype(np.float32)
     xyz_in_cam = surface.xyz_in_local @ matrix[:, :3].T + matrix[:, 3]
     pixel = 1 / (fine.intrinsics.fx * fine.intrinsics.fy)
-    out = np.zeros((camera.height, camera.width, 4), np.uint8)
     step = max(1, STRIP // (fine.width * samples))
 
     def one(number: int) -> None:
@@ -94,16 +117,12 @@ def _picture(scene: Scene, paint: Paint, camera: Camera, look: ModelLook) -> Byt
             return
         met = meet(xyz_in_cam[surface.mesh.faces[face[part][seen]]], ideal[part][seen], pixel)
         met = Met(face[part][seen], met.weights, met.covered, met.outside)
-        color = paint(met)
-        if look.backs is not None:
-            color[~met.outside] = look.backs
         layers = np.zeros((*seen.shape, 4), np.float32)
-        layers[seen, :3], layers[seen, 3] = color, 1
+        layers[seen, :3], layers[seen, 3] = shade(met), 1
         size = (camera.width, rows.stop - rows.start)
-        out[rows] = _encoded(cv2.resize(layers, size, interpolation=cv2.INTER_AREA))
+        keep(rows, cv2.resize(layers, size, interpolation=cv2.INTER_AREA))
 
     in_parallel(one, range(-(-camera.height // step)))
-    return out
 
 
 def meet(corners: Floats, ideal: Floats, pixel: float) -> Met:
@@ -144,6 +163,11 @@ def _encoded(layers: Floats) -> Bytes:
     color = np.divide(layers[..., :3], alpha, out=np.zeros_like(layers[..., :3]), where=alpha > 0)
     image = np.concatenate([srgb_from_linear(color.clip(0, 1)), alpha], axis=-1)
     return np.round(255 * image).astype(np.uint8)
+
+
+def paint_of(model: TexturedMesh | ColoredMesh) -> Paint:
+    """The colors of a model."""
+    return _textured(model) if isinstance(model, TexturedMesh) else _colored(model)
 
 
 def _colored(model: ColoredMesh) -> Paint:

@@ -17,6 +17,7 @@ from texproj.formats.models import (
     Gloss,
     Images,
     Parts,
+    numbered,
     page_files,
     write_colored_glb,
     write_glossy_glb,
@@ -133,7 +134,7 @@ def write_textured(folder: Path, mesh: Mesh, pages: Pages, plan: OutputPlan) -> 
 
 def _write_gray(stem: Path, pages: Sequence[NDArray[np.uint8]]) -> list[Path]:
     """Pages of numbers, not of colors: png without a color space."""
-    files = page_files(stem, len(pages), ".png")
+    files = page_files(stem, numbered(len(pages)), ".png")
     for file, page in zip(files, pages, strict=True):
         if not cv2.imwrite(str(file), page):
             raise OutputError(f"{file} cannot be written")

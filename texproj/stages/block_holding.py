@@ -18,6 +18,7 @@ from texproj.register.block.confirmation import (
     confirmation,
 )
 from texproj.register.block.held_block import held_block
+from texproj.register.block.place import Beforehand
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.block.verdict import doubt
 from texproj.register.motion import motion_px
@@ -48,13 +49,12 @@ def held(
     bench: Workbench,
     part: Reconstruction,
     own: Mapping[str, CameraRecord],
-    calibrated: Collection[str],
+    known: Beforehand,
     progress: Progress,
 ) -> Told:
     """The photos of a part where those of them that are registered put it, if the others bear them
     out; else where its shape fits the mesh. Of the registered ones only those are told that are
-    not borne out: where the block has them, or why nothing bears them out. calibrated: names of
-    the photos whose lens is given.
+    not borne out: where the block has them, or why nothing bears them out.
     """
     anchors = [_anchor(bench, record) for record in own.values()]
     try:
@@ -62,17 +62,17 @@ def held(
     except RegistrationError:
         if part.names == tuple(own):
             raise
-        return _against(bench, part, own, calibrated, progress)
+        return _against(bench, part, own, known, progress)
     through = [name for name in own if name not in place.contradicts]
     progress(STAGE, 0, STEPS, "asking the photos")
     load = partial(load_reduced, bench, longest=REGISTRATION_LONGEST)
     asked = confirmation(part, place, bench.mesh, partial(rendered, bench), load)
     if asked.contradicts or not (asked.agrees or _agree(bench, part, place, through)):
-        return _against(bench, part, own, calibrated, progress)
+        return _against(bench, part, own, known, progress)
     if asked.agrees and asked.mirror.refused:
         others = {name: doubt(asked.mirror) for name in part.names if name not in own}
         return {**others, **dict.fromkeys(own, NOT_BORNE_OUT)}
-    block = held_block(part, place, anchors, asked, calibrated)
+    block = held_block(part, place, anchors, asked, known.calibrated)
     through = [name for name in own if name not in block.contradicts]
     quality = {"block_photos": len(part.names), THROUGH: through,
                "support": round(asked.support, 3),
@@ -89,12 +89,12 @@ def _against(
     bench: Workbench,
     part: Reconstruction,
     own: Mapping[str, CameraRecord],
-    calibrated: Collection[str],
+    known: Beforehand,
     progress: Progress,
 ) -> Told:
     """The photos of a part where its shape fits the mesh, in spite of those registered."""
     try:
-        told = searched(bench, part, calibrated, progress)
+        told = searched(bench, part, known, progress)
     except RegistrationError as error:
         others = {n: f"{_elsewhere([*own])}; {error}" for n in part.names if n not in own}
         return {**others, **dict.fromkeys(own, NOT_BORNE_OUT)}

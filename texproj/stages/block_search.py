@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import replace
 from functools import partial
 
-from texproj.register.block.place import place_block
+from texproj.register.block.place import Beforehand, place_block
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.block.search import Listener
 from texproj.stages.bench import Workbench
@@ -18,11 +17,11 @@ from texproj.stages.progress import Progress
 
 
 def searched(
-    bench: Workbench, part: Reconstruction, calibrated: Collection[str], progress: Progress,
+    bench: Workbench, part: Reconstruction, known: Beforehand, progress: Progress,
     asking: bool = False,
 ) -> Told:  # fmt: skip
-    """The photos of a part where its shape fits the mesh. calibrated: whose lens is given; asking:
-    places among which the photos do not decide are kept, for somebody to choose.
+    """The photos of a part where its shape fits the mesh. asking: places among which the photos do
+    not decide are kept, for somebody to choose.
     """
 
     def listen(what: str, share: float) -> None:
@@ -32,7 +31,7 @@ def searched(
     render = partial(rendered, bench)
     with Draft(bench.project, part) as draft:
         listener = Listener(listen, draft.show)
-        block = place_block(part, bench.mesh, render, load, listener, calibrated)
+        block = place_block(part, bench.mesh, render, load, listener, known)
     reason = block.reason
     if asking and block.candidates:
         ask(bench.project, part, block)

@@ -4,12 +4,16 @@ structure from motion, then, as one block, on the mesh.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from tempfile import TemporaryDirectory
 
+import numpy as np
+
+from texproj.arrays import Doubles
 from texproj.errors import InputError, RegistrationError
 from texproj.records import CHOSEN, CameraRecord
+from texproj.register.block.place import Beforehand
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.block.structure_from_motion import (
     LONGEST_PX,
@@ -26,6 +30,7 @@ from texproj.stages.entries import start_of
 from texproj.stages.lenses import lens_of
 from texproj.stages.partners import content_key, keep_graph
 from texproj.stages.progress import Progress
+from texproj.standing import AXES
 
 STAGE = "block"
 LEAST_PHOTOS = 3
@@ -67,12 +72,17 @@ def place_together(
         return refused | told
     keep_graph(bench.project, motion.graph)
     told = _of(names, {**told, **motion.left_out})
-    calibrated = {photo.name for photo in photos if photo.intrinsics is not None}
+    known = Beforehand({photo.name for photo in photos if photo.intrinsics is not None}, _up(bench))
     for part in motion.parts:
         if {*part.names} & {*names}:
-            told |= _placed(bench, part, anchors, calibrated, progress)
+            told |= _placed(bench, part, anchors, known, progress)
     trim()
     return told
+
+
+def _up(bench: Workbench) -> Doubles | None:
+    stands = bench.project.settings.stands
+    return None if stands is None else np.array(AXES[stands], np.float64)
 
 
 def _of(names: Sequence[str], told: Told) -> Told:
@@ -104,14 +114,14 @@ def _placed(
     bench: Workbench,
     part: Reconstruction,
     anchors: Mapping[str, CameraRecord],
-    calibrated: Collection[str],
+    known: Beforehand,
     progress: Progress,
 ) -> Told:
     """The cameras of a part of the photos, or why they are none."""
     own = {name: anchors[name] for name in part.names if name in anchors}
     try:
         if own:
-            return held(bench, part, own, calibrated, progress)
-        return searched(bench, part, calibrated, progress, asking=True)
+            return held(bench, part, own, known, progress)
+        return searched(bench, part, known, progress, asking=True)
     except RegistrationError as error:
         return {name: str(error) for name in part.names if name not in own}

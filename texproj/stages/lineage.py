@@ -307,6 +307,8 @@ def inputs(
     }
     if block:
         found["photos of the block"] = sources.pictures(block)
+        if stands := sources.project.settings.stands:
+            found["[output] up"] = stands
         found |= sources.said(entry.file)
     if not _own_registered(entry):
         if "features" in tried:

@@ -114,35 +114,37 @@ def turn_project(
         progress(STAGE, len(shown), len(views), "")
     with staging(project.out) as folder:
         names = write_film(folder, [shown[k] for k in of_frame], options)
-    _replace_record(project, options.film, names)
+    replace_record(project, STAGE, options.film, names)
     notes = (*written.notes, *((path.note,) if path.note else ()))
     return TurntableOutcome(tuple(project.out / name for name in names), notes)
 
 
-def _replace_record(project: Project, film: Film, names: Sequence[str]) -> None:
-    """Remember the film's files, and remove those of an earlier film of the kind that it has not;
-    what somebody changed stays.
+def replace_record(project: Project, stage: str, film: str, names: Sequence[str]) -> None:
+    """Remember the files of a film or picture, and remove those of an earlier one of the kind that
+    it has not; what somebody changed stays.
     """
-    known = (project.load_record(STAGE) or {}).get("outputs", {})
+    known = (project.load_record(stage) or {}).get("outputs", {})
     mine = {name: key for name, key in known.items() if name.endswith(f".{film}")}
     remove_leftovers(project, {"outputs": mine}, tuple(names))
     others = {name: key for name, key in known.items() if name not in mine}
     now = {name: project.hash_of(project.out / name) for name in names}
-    project.save_record(STAGE, None, {"inputs": {}, "outputs": others | now})
+    project.save_record(stage, None, {"inputs": {}, "outputs": others | now})
 
 
-def write_film(folder: Path, frames: Sequence[Bytes], options: TurntableOptions) -> list[str]:
+def write_film(
+    folder: Path, frames: Sequence[Bytes], options: TurntableOptions, stem: str = STAGE
+) -> list[str]:
     """Write (h, w, 3) sRGB frames as one file, or as one each; returns the names."""
     if options.film == "png":
         digits = max(3, math.ceil(math.log10(len(frames) + 1)))
-        names = [f"{STAGE}_{k:0{digits}}.png" for k in range(len(frames))]
+        names = [f"{stem}_{k:0{digits}}.png" for k in range(len(frames))]
         for name, frame in zip(names, frames, strict=True):
             encoded = cv2.imencode(".png", cv2.cvtColor(frame, cv2.COLOR_RGB2BGR))[1]
             (folder / name).write_bytes(encoded.tobytes())
         return names
     from PIL import Image  # noqa: PLC0415 - slow to load
 
-    name = f"{STAGE}.{options.film}"
+    name = f"{stem}.{options.film}"
     pictures = [Image.fromarray(np.ascontiguousarray(frame)) for frame in frames]
     times: dict[str, Any] = {"duration": 1000 * options.seconds / len(frames), "loop": 0}
     if options.film == "gif":

@@ -17,6 +17,8 @@ from texproj.errors import UsageError
 from texproj.formats.models import (
     GlbImage,
     ImageFormat,
+    file_endings,
+    numbered,
     page_files,
     require_basisu,
     to_8_bit,
@@ -141,12 +143,14 @@ def write_texture(folder: Path, mesh: Mesh, texture: Texture, plan: OutputPlan) 
     The text of the obj is written while the images are encoded.
     """
     model = textured_mesh(mesh, texture, plan.options.normals)
-    images = page_files(folder / STEM, len(model.pages), IMAGE_SUFFIXES[plan.obj_image])
+    endings = file_endings(model)
+    images = page_files(folder / STEM, endings, IMAGE_SUFFIXES[plan.obj_image])
     written: list[Path] = []
     with ThreadPoolExecutor(1) as beside:
         if "obj" in plan.models:
             text = beside.submit(write_obj, folder / OBJ, model, images, plan.provenance.lines)
-            write_pages(folder / STEM, model.pages, plan.obj_image, plan.options.quality)
+            quality = plan.options.quality
+            write_pages(folder / STEM, model.pages, plan.obj_image, quality, endings)
         if "glb" in plan.models:
             _write_glb(folder, model, images, plan)
             written.append(folder / GLB)
@@ -195,7 +199,7 @@ def _glb_images(folder: Path, model: TexturedMesh, plan: OutputPlan) -> list[Pat
     if plan.glb_image != "ktx2":
         return write_pages(stem, pages, plan.glb_image, plan.options.quality)
     sources = write_pages(stem, pages, "png")
-    images = page_files(stem, len(pages), ".ktx2")
+    images = page_files(stem, numbered(len(pages)), ".ktx2")
     for source, image in zip(sources, images, strict=True):
         write_ktx2(source, image)
         source.unlink()

@@ -7,8 +7,10 @@ import numpy as np
 from texproj.arrays import Floats
 
 MOST = 8
-LEAST_FALL = 0.03
-"""Part by which one material more has to lower the cost; more would split noise."""
+LEAST_FALL = 0.02
+"""Part of what all candidates explain together, beyond the best single one, that one material more
+has to explain: true ones bring 6 % and more, what splits noise below 1 %.
+"""
 
 SWAPS = 3
 
@@ -21,10 +23,12 @@ def base_materials(cost: Floats) -> list[int]:
     chosen: list[int] = []
     best = np.full(len(cost), np.inf, np.float32)
     total = np.inf
+    single = float(cost.mean(axis=0).min())
+    least = LEAST_FALL * (single - float(cost.min(axis=1).mean()))
     while len(chosen) < MOST:
         sums = np.minimum(cost, best[:, None]).mean(axis=0)
         new = int(np.argmin(sums))
-        if chosen and total - sums[new] < LEAST_FALL * total:
+        if chosen and total - sums[new] < max(least, 1e-6):
             break
         chosen = _swapped(cost, [*chosen, new])
         best = cost[:, chosen].min(axis=1)

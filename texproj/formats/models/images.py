@@ -59,19 +59,30 @@ def _parts(pixels: NDArray[Any], kind: ImageFormat, quality: int) -> Iterable[By
     return _jpeg(pixels, quality) if kind == "jpeg" else (_webp(pixels, quality),)
 
 
-def page_files(stem: Path, count: int, suffix: str) -> list[Path]:
-    """The files of a texture's pages: `stem`, the page's number, and an ending."""
-    return [stem.with_name(f"{stem.name}_{i}{suffix}") for i in range(count)]
+def numbered(count: int) -> tuple[str, ...]:
+    """What the files of so many pages have after the model's name."""
+    return tuple(f"_{i}" for i in range(count))
+
+
+def page_files(stem: Path, endings: Sequence[str], suffix: str) -> list[Path]:
+    """The files of a texture's pages: `stem`, what tells the page, and what tells the format."""
+    return [stem.with_name(f"{stem.name}{ending}{suffix}") for ending in endings]
 
 
 def write_pages(
-    stem: Path, pages: Sequence[NDArray[Any]], kind: ImageFormat, quality: int = QUALITY
+    stem: Path,
+    pages: Sequence[NDArray[Any]],
+    kind: ImageFormat,
+    quality: int = QUALITY,
+    endings: Sequence[str] | None = None,
 ) -> list[Path]:
-    """`encode_image` of each page into its file, on all processors; returns the files.
+    """`encode_image` of each page into its file, on all processors; returns the files, which end
+    with their number unless other `endings` are given.
 
     No more encoded pages are in memory than there are processors. Raises OSError, OutputError.
     """
-    files = page_files(stem, len(pages), IMAGE_SUFFIXES[kind])
+    told = numbered(len(pages)) if endings is None else endings
+    files = page_files(stem, told, IMAGE_SUFFIXES[kind])
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         jobs = [
             pool.submit(_write_page, file, page, kind, quality)

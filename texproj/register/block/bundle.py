@@ -16,6 +16,7 @@ import numpy as np
 
 from texproj.arrays import Bools, Doubles, Index
 from texproj.camera import Camera
+from texproj.register.block.anchor import BLOCK_ERROR
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.block.said import Said
 from texproj.register.block.scan_samples import ScanSamples
@@ -219,9 +220,11 @@ def _concluded(
     apart = np.sqrt(squares * MEDIAN_SQUARE) * [one.sigma_px for one in said]
     width = np.array([here.cameras[row].width for row in rows])
     wrong = (squares > APART**2) & (apart > LEAST_APART * width)
+    shares = np.repeat([one.share for one in said], [len(one.px) for one in said])
     looser = replace(
         problem,
         tracks=replace(problem.tracks, sigma_px=problem.tracks.sigma_px * np.sqrt(TRACKS_SHARE)),
+        known=replace(problem.known, sigma_px=problem.known.sigma_px * shares),
     )
     covariance = adjust(looser, here.cameras, here.points, 0).covariance()
     return Bundled(
@@ -245,5 +248,6 @@ def _errors_px(problem: Bundle, here: Adjusted, covariance: Doubles) -> Doubles:
         own = covariance[np.ix_(columns, columns)]
         own = np.where(np.outer(free, free) > 0, own, 0.0)
         if len(xyz):
-            errors[k] = np.sqrt(displacement_variance(jacobian, own).mean())
+            variance = displacement_variance(jacobian, own).mean()
+            errors[k] = np.hypot(np.sqrt(variance), BLOCK_ERROR * camera.width)
     return errors

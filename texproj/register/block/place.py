@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import dataclass
 
 import numpy as np
 
+from texproj.arrays import Doubles
 from texproj.errors import RegistrationError
 from texproj.mesh import Mesh
 from texproj.register.block.adjusting import Asked, adjusted
@@ -21,12 +23,26 @@ from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.block.scan import Scan
 from texproj.register.block.search import NOBODY, Listener, Search
 from texproj.register.block.slides import slides, untold
-from texproj.register.block.verdict import doubt, refusal, slippery
+from texproj.register.block.upright import Upright
+from texproj.register.block.verdict import doubt, refusal, slippery, torn
 from texproj.register.block.witnesses import LoadPhoto, Witness, called
 from texproj.render import Render
 
 ASKED, ASKED_AT_LAST = 4, 8
 """Photos that are asked about every place, and about the best."""
+
+
+@dataclass(frozen=True, eq=False)
+class Beforehand:
+    """What is known before a block is placed. calibrated: names of the photos whose lens was given;
+    up: (3,) which way is up on the mesh, world, None where nobody said.
+    """
+
+    calibrated: Collection[str] = ()
+    up: Doubles | None = None
+
+
+NOTHING = Beforehand()
 
 
 def place_block(
@@ -35,15 +51,15 @@ def place_block(
     render: Render,
     load_photo: LoadPhoto,
     listener: Listener = NOBODY,
-    calibrated: Collection[str] = (),
+    known: Beforehand = NOTHING,
     seed: int = 0,
 ) -> BlockFit:
     """Where on `mesh` the photos of `block` belong, and whether to believe it.
 
     render: depth, normal, ambient occlusion and front of the mesh, or of its `light_mesh`, for a
     camera; load_photo: a photo by name, reduced to about 1024 pixels; listener: is told how far the
-    search is, and the best place so far; calibrated: names of the photos whose lens was given. The
-    same seed gives the same result. Raises RegistrationError where there is nothing to compare.
+    search is, and the best place so far. The same seed gives the same result. Raises
+    RegistrationError where there is nothing to compare.
     """
     listener.told("comparing the photos' points with the mesh", 0.0)
     cloud = Cloud.of(block, seed)
@@ -56,8 +72,10 @@ def place_block(
     witnesses, broken = called(block, load_photo, render, scan.surface, ASKED_AT_LAST)
     if not witnesses:
         raise RegistrationError(next(iter(broken.values()), "the block has no photos"))
-    search = Search(proposers(block, mesh, cloud, scan, seed), witnesses[:ASKED], listener)
-    return _concluded(search.run(), search, Asked(block, witnesses, broken, calibrated))
+    upright = None if known.up is None else Upright.of(block, known.up)
+    places = proposers(block, mesh, cloud, scan, seed, upright)
+    search = Search(places, witnesses[:ASKED], listener, upright)
+    return _concluded(search.run(), search, Asked(block, witnesses, broken, known.calibrated))
 
 
 def _concluded(found: list[Judged], search: Search, asked: Asked) -> BlockFit:
@@ -68,7 +86,8 @@ def _concluded(found: list[Judged], search: Search, asked: Asked) -> BlockFit:
         )
     best, witnesses = found[0], asked.witnesses
     elsewhere = [j for j in found[1:] if not same_place(search.witnesses, best, j)]
-    rival = max((j.support for j in elsewhere), default=0.0)
+    rival = max((search.rivalry(best, j) for j in elsewhere), default=0.0)
+    rivals = [j for j in elsewhere if torn(best.support, search.rivalry(best, j))]
     search.listener.told("looking at details", 0.7)
     sure = certainty(witnesses, best)
     slippery_mesh = _slides_away(best, sure.placed, witnesses)
@@ -89,7 +108,7 @@ def _concluded(found: list[Judged], search: Search, asked: Asked) -> BlockFit:
         mirror_t=mirror.t,
         accepted=not reason and not mirror.refused,
         reason=reason or doubt(mirror),
-        candidates=() if slippery_mesh else candidates(asked, place, elsewhere),
+        candidates=() if slippery_mesh else candidates(asked, place, rivals),
         quality={
             "sight": best.place.sight,
             "rival_sight": max((j.place.sight for j in elsewhere), default=0.0),

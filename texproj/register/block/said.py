@@ -16,6 +16,9 @@ from texproj.register.block.scan_samples import ScanSamples
 
 OF_A_CAMERA = 24
 """Points that stand for a camera: enough to be spread over its picture."""
+STRUCTURE_SHARE = 0.5
+"""A place by the mesh's structure is half as far off as what it counts by, so that the points on
+the mesh lead, which know no light: of two scenes, with whole, cut and noisy meshes."""
 NEARBY = 0.02
 """Distance, sizes of the mesh, within which a point of the block lies on it."""
 
@@ -33,6 +36,7 @@ class Said:
     px: Doubles
     sigma_px: float
     counts: float
+    share: float = 1.0
 
 
 def by_picks(name: str, xyz: Doubles, px: Doubles, sigma_px: float) -> Said:
@@ -58,7 +62,7 @@ def by_place(
     """
     shared = np.sqrt(len(cameras))
     return [
-        Said(name, one.xyz, one.px, shared * one.sigma_px, 7 / 2)
+        Said(name, one.xyz, one.px, shared * one.sigma_px, 7 / 2, STRUCTURE_SHARE)
         for name, one in zip(
             block.names, map(by_camera, block.names, cameras, error_px, seen), strict=True
         )

@@ -15,6 +15,7 @@ export class PhotoOverlay {
     principal: { value: new THREE.Vector2() },
     size: { value: new THREE.Vector2(1, 1) },
     dist: { value: padded([]) },
+    fisheye: { value: false },
     maxRadius2: { value: Infinity },
     opacity: { value: 1 },
     wipe: { value: 1 },
@@ -67,6 +68,7 @@ export class PhotoOverlay {
     this.uniforms.principal.value.fromArray(camera.c);
     this.uniforms.size.value.set(camera.width, camera.height);
     this.uniforms.dist.value = padded(camera.dist);
+    this.uniforms.fisheye.value = camera.model === "fisheye";
     this.uniforms.maxRadius2.value = camera.max_radius === null ? 1e30 : camera.max_radius ** 2;
   }
 
