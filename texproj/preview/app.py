@@ -123,6 +123,7 @@ class Handlers:
             Route("/api/colors", self.colors),
             Route("/api/colors/light", self.light_colors),
             Route("/api/colors/base", self.base_colors),
+            Route("/api/lights", self.lights),
             Route("/api/colors/mean", self.mean_colors),
             Route("/api/layers/{layer}", self.layer),
             Route("/api/models/{name}", self.model),
@@ -190,6 +191,12 @@ class Handlers:
         inside(self.session.project.out / "appearance.ply", self.session.root)
         rgba = base_colors(self.session.project, self.session.surface)
         return Response(pack({"rgba": rgba}), media_type=BINARY)
+
+    def lights(self, _: Request) -> Response:
+        from texproj.preview.lights import lights  # noqa: PLC0415 - slow to import
+
+        inside(self.session.project.out / "light.json", self.session.root)
+        return JSONResponse(lights(self.session.project, self.session.surface))
 
     async def mean_colors(self, _: Request) -> Response:
         """The plain mean of all photos on the vertices: doubled edges show what is off."""

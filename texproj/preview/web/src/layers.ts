@@ -22,7 +22,10 @@ export class LayerLoader {
   /** Bring in what `layer` needs. photo, factor: whose weights, and what of them. */
   async load(layer: Layer, facts: api.Facts, photo: string | null, factor: string): Promise<void> {
     if (layer === "color") await this.loadColors("/api/colors", facts.models["model.ply"]);
-    else if (layer === "base") await this.loadColors("/api/colors/base", facts.models["appearance.ply"]);
+    else if (layer === "base" || layer === "relit") {
+      await this.loadColors("/api/colors/base", facts.models["appearance.ply"]);
+      if (layer === "relit") await this.loadValues("ao", versionOf(facts), null);
+    }
     else if (layer === "mean") await this.loadMean(versionOf(facts));
     else if (layer === "texture") await this.loadTexture(facts.models["model.glb"]);
     else if (layer === "weights") await this.loadValues(factor, versionOf(facts), photo);
@@ -93,6 +96,7 @@ export function showLegend(layer: Layer, span: number): void {
   const rows: Partial<Record<Layer, () => Node[]>> = {
     color: () => [unseen],
     base: () => [unseen],
+    relit: () => [unseen],
     mean: () => [el("div", {}, "Doubled edges: a photo is off"), unseen],
     coverage: () => [rampBar(), ends("1 photo", `${Math.round(span)} photos`), unseen],
     weights: () => [rampBar(), ends("counts little", "counts fully"), unseen],
