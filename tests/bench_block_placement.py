@@ -1,7 +1,7 @@
 """Blocks of photos put onto meshes of real scenes: how exactly, how surely, how fast.
 
     python tests/bench_block_placement.py SCENE_FOLDER ... [--blocks FOLDER] [--seeds 1,2]
-        [--runs right,partial,wrong,mirrored] [--walls 20]
+        [--runs right,partial,wrong,mirrored] [--walls 20] [--twins 3]
 
 A scene folder holds mesh.ply, photos/ and cameras_reference.json. Blocks are read from
 FOLDER/SCENE.pkl (`bench_block.py --keep`); without, they are made of the reference cameras and
@@ -9,7 +9,8 @@ points of the mesh with noise and outliers. Mesh and block are put into a random
 partial: a third of the mesh cut away, a fifth of its faces left, .2 % of its diagonal noise;
 wrong: the mesh of each other scene; mirrored: left and right of the mesh exchanged. --walls: so
 many blocks of synthetic reliefs on the next relief, or, every fourth, on their own mirrored, only
-at the sizes that would fit.
+at the sizes that would fit. --twins: so many reliefs that look the same upside down, without and
+with a word about which way is up.
 
 Columns: error against the reference cameras in percent of the width, median and largest over
 photos, and what the fit expected; share of the structure found in place; the same of the best
@@ -42,13 +43,15 @@ from texproj.photo import Photo
 from texproj.register.block import search
 from texproj.register.block.block_fit import BlockFit
 from texproj.register.block.light_mesh import light_mesh
-from texproj.register.block.place import place_block
+from texproj.register.block.place import Beforehand, place_block
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.block.similarity import Similarity
 from texproj.render import ambient_occlusion, open_renderer
 from texproj.repair import repair
 
+Vector = tuple[float, float, float]
 LONGEST = 1024
+WALL_UP = (0.0, -1.0, 0.0)
 FITTING = (0.97, 0.88, 1.07)
 """Sizes of the blocks of reliefs relative to them."""
 HEAD = (
@@ -89,8 +92,8 @@ class WallScene(RealScene):
     wall: Wall
 
     @classmethod
-    def of(cls, seed: int) -> WallScene:
-        wall = Wall(seed)
+    def of(cls, seed: int, twofold: bool = False) -> WallScene:
+        wall = Wall(seed, twofold)
         return cls(Path(f"wall {seed}"), wall.mesh, wall.cameras, None, wall)
 
     def photo(self, name: str) -> Photo:
@@ -106,8 +109,12 @@ def main() -> None:
             for seed in (int(s) for s in arguments.seeds.split(",")):
                 for label, mesh in meshes(run, scene, scenes, seed):
                     place(scene, label, mesh, seed, right=run in ("right", "partial"))
-    if arguments.walls:
+    if arguments.walls or arguments.twins:
         search.SCALE_BATCHES = (FITTING,)
+    for k in range(arguments.twins):
+        twin = WallScene.of(k, twofold=True)
+        place(twin, "twin", twin.mesh, k, right=True)
+        place(twin, "twin, up is known", twin.mesh, k, right=True, up=WALL_UP)
     for k in range(arguments.walls):
         mesh = mirrored(Wall(k).mesh) if k % 4 == 3 else Wall(k + 1).mesh
         label = "mirrored" if k % 4 == 3 else f"wall {k + 1}"
@@ -121,6 +128,7 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--seeds", default="1")
     parser.add_argument("--runs", default="right")
     parser.add_argument("--walls", type=int, default=0)
+    parser.add_argument("--twins", type=int, default=0)
     return parser.parse_args()
 
 
@@ -189,19 +197,24 @@ class Placing:
         )
 
 
-def place(scene: RealScene, label: str, mesh: Mesh, seed: int, right: bool) -> Placing:
+def place(
+    scene: RealScene, label: str, mesh: Mesh, seed: int, right: bool, up: Vector | None = None
+) -> Placing:
     """Prints one line of the table."""
-    found = placed(scene, mesh, seed, right)
+    found = placed(scene, mesh, seed, right, up)
     print(found.line(f"{scene.folder.name[:13]} on {label}", seed), flush=True)
     return found
 
 
-def placed(scene: RealScene, mesh: Mesh, seed: int, right: bool) -> Placing:
-    """The block of a scene put onto a mesh, each in a random frame."""
+def placed(
+    scene: RealScene, mesh: Mesh, seed: int, right: bool, up: Vector | None = None
+) -> Placing:
+    """The block of a scene put onto a mesh, each in a random frame. up: in the scene's."""
     rng = np.random.default_rng(seed)
     world_from_scene, block_from_scene = random_similarity(rng), random_similarity(rng)
     block = scene.block_in_frame(block_from_scene, seed)
     mesh = moved(mesh, world_from_scene)
+    known = Beforehand(up=None if up is None else world_from_scene.R @ up)
     fit, reason = None, ""
     with open_renderer() as renderer:
         cpu, wall = time.process_time(), time.perf_counter()
@@ -210,13 +223,13 @@ def placed(scene: RealScene, mesh: Mesh, seed: int, right: bool) -> Placing:
             try:
                 fit = place_block(
                     block, mesh, lambda c: drawn.gbuffer(c, ("depth", "normal", "ao", "front")),
-                    scene.photo, seed=seed,
+                    scene.photo, known=known, seed=seed,
                 )  # fmt: skip
             except RegistrationError as error:
                 reason = str(error)
         cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
-    known = right and fit is not None
-    errors = errors_percent(scene, world_from_scene, fit.cameras) if known else []
+    judged = right and fit is not None
+    errors = errors_percent(scene, world_from_scene, fit.cameras) if judged else []
     return Placing(fit, reason, tuple(errors), cpu, wall)
 
 

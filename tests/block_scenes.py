@@ -35,6 +35,17 @@ def relief(seed: int) -> Mesh:
     return Mesh(*trimesh.remesh.subdivide_to_size(solid.vertices, solid.faces, 0.5))
 
 
+def twin(seed: int) -> Mesh:
+    """A relief that is the same after half a turn about the line of sight."""
+    half = relief(seed)
+    keep = (half.vertices[half.faces][:, :, 0] > -1e-9).all(axis=1)
+    right = half.faces[keep]
+    turned = half.vertices * (-1, -1, 1)
+    return Mesh(
+        np.concatenate([half.vertices, turned]), np.concatenate([right, right + len(turned)])
+    )
+
+
 def random_similarity(rng: np.random.Generator) -> Similarity:
     """Any rotation, sizes from a seventh to seven times, far from the origin."""
     turn = trimesh.transformations.random_rotation_matrix(rng.random(3))[:3, :3]
@@ -76,6 +87,7 @@ def with_background(block: Reconstruction, frame: Similarity, count: int = 3000)
     far = rng.uniform((-40, -40, 6), (40, 40, 40), (count, 3))
     photos = len(block.names)
     more = photos * np.arange(1, count + 1)
+    xy = np.stack([camera.project(frame.apply(far))[0] for camera in block.cameras], axis=1)
     return Reconstruction(
         block.names,
         block.cameras,
@@ -85,19 +97,20 @@ def with_background(block: Reconstruction, frame: Similarity, count: int = 3000)
         np.append(block.angle_rad, np.full(count, 0.1)),
         np.append(block.track_starts, block.track_starts[-1] + more),
         np.append(block.observer, np.tile(np.arange(photos), count)),
-        np.concatenate([block.xy_px, np.zeros((photos * count, 2), np.float32)]),
+        np.concatenate([block.xy_px, xy.reshape(-1, 2).astype(np.float32)]),
     )
 
 
 @dataclass(frozen=True, eq=False)
 class Wall:
-    """A relief of which six photos are taken."""
+    """A relief of which six photos are taken; twofold: it looks the same upside down."""
 
     seed: int
+    twofold: bool = False
 
     @cached_property
     def mesh(self) -> Mesh:
-        return relief(self.seed)
+        return twin(self.seed) if self.twofold else relief(self.seed)
 
     @cached_property
     def solid(self) -> trimesh.Trimesh:
@@ -150,15 +163,20 @@ def block_of(
     """
     rng = np.random.default_rng(seed)
     views = list(cameras.values())
-    xyz, viewers = _seen_points(solid, views, count, rng)
-    rays = np.array([c.center for c in views])[[v[0] for v in viewers]] - xyz
+    true, viewers = _seen_points(solid, views, count, rng)
+    rays = np.array([c.center for c in views])[[v[0] for v in viewers]] - true
     distance = np.linalg.norm(rays, axis=1, keepdims=True)
     across = 1.0 * distance / views[0].intrinsics.fx
-    xyz = xyz + rng.standard_normal(xyz.shape) * across
+    xyz = true + rng.standard_normal(true.shape) * across
     xyz += rays / distance * rng.standard_normal(distance.shape) * 3 * across
     wild = rng.random(len(xyz)) < 0.1
     xyz[wild] += 0.3 * rays[wild] * rng.standard_normal((int(wild.sum()), 1))
     starts = np.concatenate([[0], np.cumsum([len(v) for v in viewers])])
+    observer = np.concatenate(viewers)
+    shown = np.repeat(np.where(wild[:, None], xyz, true), np.diff(starts), axis=0)
+    xy = np.full((len(observer), 2), np.nan)
+    for k, camera in enumerate(views):
+        xy[observer == k] = camera.project(shown[observer == k])[0]
     return Reconstruction(
         names=tuple(cameras),
         cameras=tuple(frame.camera(camera) for camera in views),
@@ -167,8 +185,8 @@ def block_of(
         error_px=np.full(len(xyz), 0.7),
         angle_rad=np.full(len(xyz), np.radians(20.0)),
         track_starts=starts,
-        observer=np.concatenate(viewers),
-        xy_px=np.zeros((starts[-1], 2), np.float32),
+        observer=observer,
+        xy_px=(xy + rng.normal(0, 0.7, xy.shape)).astype(np.float32),
     )
 
 

@@ -123,7 +123,7 @@ def test_a_wrong_registration_pulls_no_other_along(placed, sample, tmp_path, mon
     names = [name for name in project.photo_names if name != "IMG_0003.jpg"]
     sought = []
 
-    def searched(_bench, part, _progress):
+    def searched(_bench, part, _calibrated, _progress):
         sought.append(part.names)
         fits = [fit_of(camera, part, k, 1.0, {}) for k, camera in enumerate(part.cameras)]
         return dict(zip(part.names, fits, strict=True))

@@ -29,6 +29,8 @@ from texproj.photo import LARGEST_PHOTO_MP
 DEFAULT_PHOTOS = "photos"
 MOST_MEGAPIXELS = 1_000
 """Beyond, OpenCV refuses, whatever is set."""
+NO_KEY = {"key": False}
+"""Of a field that follows from the keys of the file."""
 LONGEST_NAME = 255
 """Bytes of a file's name on every system."""
 
@@ -40,7 +42,7 @@ class Settings:
     mesh: path of the mesh relative to the project, None = the one file in mesh/;
     photos: folder of the photos; exclude: names of photos in it that are left out of everything;
     largest_photo_mp: million pixels of the largest photo or mask
-    that is read.
+    that is read. stands: the scan's upward axis where [output] up names one, None where nobody did.
     """
 
     mesh: str | None = None
@@ -61,6 +63,7 @@ class Settings:
     light: LightOptions = field(default_factory=LightOptions)
     output: OutputOptions = field(default_factory=OutputOptions)
     preview: PreviewOptions = field(default_factory=PreviewOptions)
+    stands: str | None = field(default=None, metadata=NO_KEY)
 
     def table(self, name: str) -> Any:
         """The options of a table of project.toml, by the name that it has there."""
@@ -97,7 +100,8 @@ def read_settings(text: str, where: str) -> Settings:
         raise InputError(f"{where} is not valid TOML: {error}") from None
     except (ValueError, RecursionError):
         raise InputError(f"{where}: a number is too long, or it is nested too deeply") from None
-    known = [f.name for f in fields(Settings) if _table_of(f.name) not in SECTIONS] + [*SECTIONS]
+    keys = [f.name for f in fields(Settings) if f.metadata.get("key", True)]
+    known = [key for key in keys if _table_of(key) not in SECTIONS] + [*SECTIONS]
     for key in data:
         if key not in known:
             raise UsageError(f"{where}: unknown key {excerpt(key)!r}{nearest_name(key, known)}")
@@ -116,7 +120,8 @@ def read_settings(text: str, where: str) -> Settings:
                 f"{where}: {name} must be a table: write [{name}] on a line of its own"
             )
         tables[_field_of(name)] = options_from(cls, table, f"{where} [{name}]")
-    return Settings(**top, **tables)
+    up = tables["output"].up if "up" in data.get("output", {}) else "auto"
+    return Settings(**top, **tables, stands=None if up == "auto" else up)
 
 
 def _path(value: Any, where: str) -> str:

@@ -15,11 +15,12 @@ app = App(
 
 MODULES = {
     "creating": ("new", "demo"),
-    "making": ("register", "refine", "color", "appearance", "run", "report"),
+    "making": ("register", "refine", "color", "appearance", "run", "report", "place"),
     "telling": ("status", "preview"),
     "machine": ("doctor",),
     "inspecting": ("factors", "turntable"),
     "calibrating": ("calibrate_flash",),
+    "relighting": ("relight",),
     "exchange": ("import_", "export"),
 }
 """Modules of this package, and the commands that each holds."""

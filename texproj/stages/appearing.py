@@ -148,7 +148,8 @@ def appearance_project(
 def _wanted(project: Project) -> tuple[ColorOptions, OutputOptions]:
     """The settings of a lit, textured glb."""
     color = replace(project.settings.color, to="texture", bits=8)
-    image = "png" if project.settings.output.image == "tiff" else project.settings.output.image
+    asked = project.settings.output.image
+    image = "png" if asked in ("tiff", "exr") else asked
     return color, replace(project.settings.output, models=("glb",), image=image, unlit=False)
 
 
@@ -162,7 +163,7 @@ def appearance_freshness(project: Project, to: Target | None = None) -> Freshnes
     what was made the last time.
     """
     record = project.load_record(STAGE)
-    reason = changed_inputs(record, _inputs(project, to or _made(record)))
+    reason = changed_inputs(record, _inputs(project, to or _made(record)), project.settings.exclude)
     if record is not None and not reason:
         reason = changed_outputs(project, record)
     return Freshness(STAGE, PLY, not reason, reason)

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
-from texproj.camera import Camera
 from texproj.errors import InputError, RegistrationError
 from texproj.photo import Photo
 from texproj.records import THROUGH, CameraRecord, Fit
@@ -17,9 +15,10 @@ from texproj.register.block.anchor import Anchor, Anchored, anchored
 from texproj.register.block.confirmation import (
     APART,
     LEAST_APART_PERCENT,
-    Confirmation,
     confirmation,
 )
+from texproj.register.block.held_block import held_block
+from texproj.register.block.place import Beforehand
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.block.verdict import doubt
 from texproj.register.motion import motion_px
@@ -47,69 +46,55 @@ at a wrong place hardly any do."""
 
 
 def held(
-    bench: Workbench, part: Reconstruction, own: Mapping[str, CameraRecord], progress: Progress
+    bench: Workbench,
+    part: Reconstruction,
+    own: Mapping[str, CameraRecord],
+    known: Beforehand,
+    progress: Progress,
 ) -> Told:
     """The photos of a part where those of them that are registered put it, if the others bear them
     out; else where its shape fits the mesh. Of the registered ones only those are told that are
     not borne out: where the block has them, or why nothing bears them out.
     """
+    anchors = [_anchor(bench, record) for record in own.values()]
     try:
-        place = anchored(part, [_anchor(bench, record) for record in own.values()])
+        place = anchored(part, anchors)
     except RegistrationError:
         if part.names == tuple(own):
             raise
-        return _against(bench, part, own, progress)
+        return _against(bench, part, own, known, progress)
     through = [name for name in own if name not in place.contradicts]
     progress(STAGE, 0, STEPS, "asking the photos")
     load = partial(load_reduced, bench, longest=REGISTRATION_LONGEST)
     asked = confirmation(part, place, bench.mesh, partial(rendered, bench), load)
     if asked.contradicts or not (asked.agrees or _agree(bench, part, place, through)):
-        return _against(bench, part, own, progress)
+        return _against(bench, part, own, known, progress)
     if asked.agrees and asked.mirror.refused:
         others = {name: doubt(asked.mirror) for name in part.names if name not in own}
         return {**others, **dict.fromkeys(own, NOT_BORNE_OUT)}
+    block = held_block(part, place, anchors, asked, known.calibrated)
+    through = [name for name in own if name not in block.contradicts]
     quality = {"block_photos": len(part.names), THROUGH: through,
                "support": round(asked.support, 3),
                "mirror_t": round(asked.mirror.t, 2)}  # fmt: skip
-    cameras = [place.world_from_block.camera(camera) for camera in part.cameras]
-    errors = [float(error) for error in place.expected_error_px]
-    if asked.agrees and asked.sure is not None:
-        told = _surest(part, asked, cameras, errors, quality)
-    else:
-        told = {name: certain(fit_of(cameras[k], part, k, errors[k], quality))
-                for k, name in enumerate(part.names)}  # fmt: skip
+    told: Told = {}
+    for k, name in enumerate(part.names):
+        error_px = float(block.expected_error_px[k])
+        told[name] = certain(fit_of(block.cameras[k], part, k, error_px, quality))
     wrong = [name for name in own if name not in through]
     return _without(told, through, wrong, f"{NOT_BORNE_OUT}: {', '.join(through)}")
 
 
-def _surest(
-    part: Reconstruction,
-    asked: Confirmation,
-    cameras: Sequence[Camera],
-    errors_px: Sequence[float],
-    quality: Mapping[str, Any],
-) -> Told:
-    """The photos where anchors, or where the mesh's structure puts them, whichever is more exact;
-    anchors and photos agree. cameras, errors_px: by the anchors.
-    """
-    assert asked.sure is not None
-    by_structure, percent = asked.cameras(part), asked.sure.expected_percent
-    told: Told = {}
-    for k, name in enumerate(part.names):
-        error_px = percent / 100 * max(cameras[k].width, cameras[k].height)
-        if error_px < errors_px[k]:
-            told[name] = certain(fit_of(by_structure[name], part, k, error_px, quality))
-        else:
-            told[name] = certain(fit_of(cameras[k], part, k, errors_px[k], quality))
-    return told
-
-
 def _against(
-    bench: Workbench, part: Reconstruction, own: Mapping[str, CameraRecord], progress: Progress
+    bench: Workbench,
+    part: Reconstruction,
+    own: Mapping[str, CameraRecord],
+    known: Beforehand,
+    progress: Progress,
 ) -> Told:
-    """The photos of a part where its shape fits the mesh, in spite of those that are registered."""
+    """The photos of a part where its shape fits the mesh, in spite of those registered."""
     try:
-        told = searched(bench, part, progress)
+        told = searched(bench, part, known, progress)
     except RegistrationError as error:
         others = {n: f"{_elsewhere([*own])}; {error}" for n in part.names if n not in own}
         return {**others, **dict.fromkeys(own, NOT_BORNE_OUT)}
@@ -174,5 +159,12 @@ def _agree(bench: Workbench, part: Reconstruction, place: Anchored, through: Seq
 def _anchor(bench: Workbench, record: CameraRecord) -> Anchor:
     camera = record.registered_camera
     assert camera is not None
-    seen = bench.plain_scene.gbuffer(camera.reduced(FEATURES_LONGEST), ("depth",))
-    return Anchor(record.file, camera, seen.require("depth"), expected_error_px(record))
+    depth = bench.plain_scene.gbuffer(camera.reduced(FEATURES_LONGEST), ("depth",)).require("depth")
+    anchor = Anchor(record.file, camera, depth, expected_error_px(record))
+    picks = bench.project.load_correspondences(record.file) if record.method == "points" else None
+    if picks is None or not len(picks):
+        return anchor
+    usual = (
+        bench.project.settings.points.pick_sigma_percent / 100 * max(camera.width, camera.height)
+    )
+    return replace(anchor, picks=picks, pick_sigma_px=usual)

@@ -8,8 +8,12 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from tempfile import TemporaryDirectory
 
+import numpy as np
+
+from texproj.arrays import Doubles
 from texproj.errors import InputError, RegistrationError
-from texproj.records import CameraRecord
+from texproj.records import CHOSEN, CameraRecord
+from texproj.register.block.place import Beforehand
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.block.structure_from_motion import (
     LONGEST_PX,
@@ -21,10 +25,12 @@ from texproj.stages.bench import Workbench
 from texproj.stages.block_fits import Told, load_reduced
 from texproj.stages.block_holding import held
 from texproj.stages.block_search import searched
+from texproj.stages.choosing import chosen_fits
 from texproj.stages.entries import start_of
 from texproj.stages.lenses import lens_of
 from texproj.stages.partners import content_key, keep_graph
 from texproj.stages.progress import Progress
+from texproj.standing import AXES
 
 STAGE = "block"
 LEAST_PHOTOS = 3
@@ -44,6 +50,11 @@ def place_together(
     in work/, so that an interrupted run goes on where it stopped.
     """
     return_freed_memory()
+    others = [n for n, entry in anchors.items() if CHOSEN not in entry.quality]
+    chosen = chosen_fits(bench.project, names, others)
+    if chosen:
+        rest = [name for name in names if name not in chosen]
+        return chosen | place_together(bench, rest, anchors, progress) if rest else chosen
     photos, told = _photos(bench, [*names, *anchors])
     if len(photos) < LEAST_PHOTOS:
         return _of(names, told)
@@ -61,11 +72,17 @@ def place_together(
         return refused | told
     keep_graph(bench.project, motion.graph)
     told = _of(names, {**told, **motion.left_out})
+    known = Beforehand({photo.name for photo in photos if photo.intrinsics is not None}, _up(bench))
     for part in motion.parts:
         if {*part.names} & {*names}:
-            told |= _placed(bench, part, anchors, progress)
+            told |= _placed(bench, part, anchors, known, progress)
     trim()
     return told
+
+
+def _up(bench: Workbench) -> Doubles | None:
+    stands = bench.project.settings.stands
+    return None if stands is None else np.array(AXES[stands], np.float64)
 
 
 def _of(names: Sequence[str], told: Told) -> Told:
@@ -97,11 +114,14 @@ def _placed(
     bench: Workbench,
     part: Reconstruction,
     anchors: Mapping[str, CameraRecord],
+    known: Beforehand,
     progress: Progress,
 ) -> Told:
     """The cameras of a part of the photos, or why they are none."""
     own = {name: anchors[name] for name in part.names if name in anchors}
     try:
-        return held(bench, part, own, progress) if own else searched(bench, part, progress)
+        if own:
+            return held(bench, part, own, known, progress)
+        return searched(bench, part, known, progress, asking=True)
     except RegistrationError as error:
         return {name: str(error) for name in part.names if name not in own}

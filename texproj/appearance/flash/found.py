@@ -54,9 +54,9 @@ class Found:
     """What the surface is made of.
 
     materials: by label; flashes: with their gains; lamp: with an intensity; glossy: whether that
-    was told by the mirror of glossy paint where it was not given; field: light from the surface around; voters: who tells the material of
-    other points; surfels, seen, label, fit, neighbors, hits: the points that it was found from;
-    assumed: the lamp's intensity was not given.
+    was told by the mirror of glossy paint where it was not given; field: light from the surface
+    around; voters: who tells the material of other points; surfels, seen, label, fit, neighbors,
+    hits: the points that it was found from; assumed: the lamp's intensity was not given.
     """
 
     materials: tuple[Pooled, ...]

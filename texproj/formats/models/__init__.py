@@ -5,12 +5,14 @@ from texproj.formats.models.glb import GlbImage, write_colored_glb, write_glb
 from texproj.formats.models.images import (
     ImageFormat,
     encode_image,
+    numbered,
     page_files,
     to_8_bit,
     write_pages,
 )
 from texproj.formats.models.lit import Gloss, Images, Parts, write_glossy_glb, write_lit_glb
 from texproj.formats.models.obj import write_obj
+from texproj.formats.models.page_names import file_endings
 from texproj.formats.models.ply import write_ply
 from texproj.formats.models.read import read_model, scan_from_node
 from texproj.formats.models.usdz import write_usdz
@@ -22,6 +24,8 @@ __all__ = [
     "Images",
     "Parts",
     "encode_image",
+    "file_endings",
+    "numbered",
     "page_files",
     "read_model",
     "require_basisu",

@@ -17,7 +17,7 @@ from texproj.formats.models.glb import (
     document_content,
     linear,
     offset_of,
-    page_primitive,
+    primitives_of,
     textures,
     units,
 )
@@ -122,8 +122,7 @@ def write_lit_glb(
     """Write a textured surface with all that its pages say. Raises OSError."""
     document = Document()
     offset = offset_of(model.vertices)
-    pages = np.unique(model.page_of_face)
-    primitives = [page_primitive(document, model, int(page), offset) for page in pages]
+    primitives = primitives_of(document, model, np.ones(len(model.faces), bool), offset)
     materials = [_page_material(page, images) for page in range(len(images.base))]
     if (model.page_of_face < 0).any():
         materials.append(Gloss("untextured", 1.0, 0.0).material)

@@ -17,6 +17,7 @@ import numpy as np
 from texproj.arrays import Bools, Doubles, Floats, Index
 from texproj.camera import Camera
 from texproj.errors import RegistrationError
+from texproj.photo import Correspondences
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.block.similarity import Similarity
 from texproj.register.surface_lookup import surface_at
@@ -44,13 +45,16 @@ CONTRADICTS = 0.4
 @dataclass(frozen=True, eq=False)
 class Anchor:
     """A registered photo of a block. camera: world, full size; depth: (h, w) of the mesh as it
-    sees it at a reduced size, inf where it does not; expected_error_px: of its registration.
+    sees it at a reduced size, inf where it does not; expected_error_px: of its registration; picks:
+    from which it was registered, if it was, and their noise pick_sigma_px.
     """
 
     name: str
     camera: Camera
     depth: Floats
     expected_error_px: float
+    picks: Correspondences | None = None
+    pick_sigma_px: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,6 +24,7 @@ from texproj.register.block.placed_block import PlacedBlock
 from texproj.register.block.propose import Place, Proposer
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.block.scan import Scan
+from texproj.register.block.scan_samples import ScanSamples
 from texproj.register.block.search import SURE_SUPPORT
 from texproj.register.block.similarity import Similarity
 from texproj.register.block.verdict import LEAST_LEAD, LEAST_SUPPORT
@@ -44,7 +45,8 @@ class Confirmation:
     sure: the place to which the mesh's structure leads from there, None where too little of it is
     found; apart_percent: how far apart the two show the surface, percent of the width, and
     apart_sigma: the same in standard deviations. mirror: the photos against their mirror images
-    there, where they bear the anchors out: a scan that is mirrored agrees, too.
+    there, where they bear the anchors out: a scan that is mirrored agrees, too. samples: of the
+    mesh, None where there was nothing to ask.
     """
 
     support: float
@@ -52,6 +54,7 @@ class Confirmation:
     apart_percent: float
     apart_sigma: float
     mirror: MirrorTest = UNTESTED
+    samples: ScanSamples | None = None
 
     @property
     def agrees(self) -> bool:
@@ -94,12 +97,12 @@ def confirmation(
     support = support_at(witnesses, views, there)
     best = judged(witnesses, _place(held.world_from_block, Proposer(cloud, scan, seed)))
     if best.support < LEAST_SUPPORT:
-        return Confirmation(support, None, np.inf, np.inf)
+        return Confirmation(support, None, np.inf, np.inf, samples=scan.samples)
     sure = certainty(witnesses, best)
     apart = _apart_percent(witnesses, there, sure.placed, best.seen)
     own = 100 * float(np.median(held.expected_error_px / [c.width for c in block.cameras]))
     sigmas = apart / float(np.hypot(own, sure.expected_percent))
-    found = Confirmation(support, sure, apart, sigmas)
+    found = Confirmation(support, sure, apart, sigmas, samples=scan.samples)
     return replace(found, mirror=mirror_test(asked, ASKED, best)) if found.agrees else found
 
 

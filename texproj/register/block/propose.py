@@ -22,6 +22,7 @@ from texproj.register.block.rotations import spread_rotations
 from texproj.register.block.scan import Scan
 from texproj.register.block.sight_lines import SightLines
 from texproj.register.block.similarity import Similarity
+from texproj.register.block.upright import Upright
 
 ROTATIONS = 552
 """About 30 degrees between neighbors: within the reach of the closest points."""
@@ -73,11 +74,15 @@ class Place:
 
 @dataclass(frozen=True, eq=False)
 class Proposer:
-    """A block's cloud and the mesh that it is compared with. seed: of what is left to chance."""
+    """A block's cloud and the mesh that it is compared with. seed: of what is left to chance;
+    upright: where only such places are proposed; part: either is reduced to what it is about.
+    """
 
     cloud: Cloud
     scan: Scan
     seed: int = 0
+    upright: Upright | None = None
+    part: bool = False
 
     def places(self, scales: tuple[float, ...]) -> list[Place]:
         """Distinct places at about these scales, those with the best lines of sight first.
@@ -86,7 +91,7 @@ class Proposer:
         """
         samples, sight = self.scan.samples, SightLines(self.cloud, self.scan)
         probes = self.cloud.xyz[:PROBES]
-        coarse = correlated(self.cloud, samples, spread_rotations(ROTATIONS), scales)
+        coarse = correlated(self.cloud, samples, self._rotations(), scales)
         wide = self._closest(coarse, WIDE).best(KEPT)
         shaken = wide.distinct(probes, APART)[:SHAKEN].shaken(
             COPIES, (SHAKE_RAD, SHAKE_SHIFT, SHAKE_LOG), self.seed
@@ -96,6 +101,11 @@ class Proposer:
         seen = sight.ranked(near, ROUGH).distinct(probes, APART)[:SEEN]
         exact = sight.ranked(self._closest(seen, EXACT), FINE).distinct(probes, APART)
         return [self._place(exact, i) for i in range(len(exact))]
+
+    def _rotations(self) -> Doubles:
+        """(n, 3, 3) those that are tried. Cloud and scan are turned as block and world are."""
+        every = spread_rotations(ROTATIONS)
+        return every if self.upright is None else every[self.upright.holds(every)]
 
     def _closest(self, places: Hypotheses, schedule: Schedule) -> Hypotheses:
         cloud = self.cloud
@@ -113,16 +123,19 @@ class Proposer:
 
 
 def proposers(
-    block: Reconstruction, mesh: Mesh, cloud: Cloud, scan: Scan, seed: int
-) -> Iterator[Proposer]:
-    """All of the block with all of the mesh; then, where either shows much besides what it is
-    about, only that. Each is made when it is asked for.
+    block: Reconstruction, mesh: Mesh, cloud: Cloud, scan: Scan, seed: int,
+    upright: Upright | None = None,
+) -> Iterator[Proposer]:  # fmt: skip
+    """All of the block with all of the mesh, the upright places first where that is known; then,
+    where either shows much besides what it is about, only that. Each is made when it is asked for.
     """
+    if upright is not None:
+        yield Proposer(cloud, scan, seed, upright)
     yield Proposer(cloud, scan, seed)
     aimed, relief = Cloud.aimed_at(block, seed), scan.relief(mesh, seed)
     if aimed is not None:
-        yield Proposer(aimed, scan, seed)
+        yield Proposer(aimed, scan, seed, part=True)
     if relief is not None:
-        yield Proposer(cloud, relief, seed)
+        yield Proposer(cloud, relief, seed, part=True)
     if aimed is not None and relief is not None:
-        yield Proposer(aimed, relief, seed)
+        yield Proposer(aimed, relief, seed, part=True)
