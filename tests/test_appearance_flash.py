@@ -243,7 +243,11 @@ def test_the_command_writes_gloss_and_metals(flash_project, capsys):
     assert "map_Pr roughness_0.png" in mtl
     assert "map_Pm metallic_0.png" in mtl
     assert main(["appearance", str(flash_project), "--to", "texture"]) == 0
-    assert "fresh, kept" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "fresh, kept" in said
+    assert "saw its highlight" in said
+    assert main(["report", str(flash_project)]) == 0
+    assert "saw its highlight" in (out / "report.html").read_text()
 
 
 def test_a_flash_of_unknown_place_is_refused(flash_project, tmp_path, capsys):

@@ -27,6 +27,7 @@ HIGHLIGHT = 1.0
 """How strongly highlights are distrusted: they are none of the surface's color."""
 
 Target = Literal["vertices", "texture"]
+LightKind = Literal["natural", "flash"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +41,7 @@ class Pages:
     confidence: tuple[NDArray[np.uint8], ...] | None = None
 
 
-def kind_of(project: Project) -> Literal["natural", "flash"]:
+def kind_of(project: Project) -> LightKind:
     """What light is looked for."""
     return "flash" if project.settings.light.kind == "flash" else "natural"
 
