@@ -47,8 +47,13 @@ ROUGHNESSES = tuple(float(r) for r in np.linspace(0.15, 0.95, 17))
 ROUGHEST_METAL = 0.65
 """Rougher metals look matte: no photo tells them from paint."""
 
-CANDIDATES = tuple(Material(r, False) for r in ROUGHNESSES) + tuple(
-    Material(r, True) for r in ROUGHNESSES if r <= ROUGHEST_METAL
+PLAIN_EDGE = tuple(Material(r, False, edge=1.0) for r in (0.6, 0.7, 0.8, 0.9))
+"""Rough paint that follows Lambert: else a smooth one that hides its highlight comes nearest."""
+
+CANDIDATES = (
+    *(Material(r, False) for r in ROUGHNESSES),
+    *PLAIN_EDGE,
+    *(Material(r, True) for r in ROUGHNESSES if r <= ROUGHEST_METAL),
 )
 
 
