@@ -177,13 +177,7 @@ def _flash_facts(light: FlashLight) -> dict[str, Any]:
     return {
         "lamp": lamp.place.tolist(),
         "intensity": lamp.intensity,
-        "intensity_told_by": (
-            "calibration"
-            if not light.found.assumed
-            else "gloss"
-            if light.found.glossy
-            else "nothing"
-        ),
+        "intensity_known": not light.found.assumed,
         "output": light.output,
     }
 

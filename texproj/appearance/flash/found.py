@@ -21,7 +21,7 @@ from texproj.appearance.flash.lamp import Lamp
 from texproj.appearance.flash.materials import base_materials
 from texproj.appearance.flash.observations import Flashes, LampShadows, Observations, Surfel
 from texproj.appearance.flash.pooled import Pooled, pooled
-from texproj.appearance.flash.reflection import CANDIDATES, DIELECTRIC, Material
+from texproj.appearance.flash.reflection import CANDIDATES, Material
 from texproj.appearance.flash.voting import Voters, near_neighbors, settled, smoothed
 from texproj.appearance.light_fit import MEAN_ALBEDO
 from texproj.arrays import Floats, Index
@@ -45,7 +45,6 @@ GAIN_ROUNDS = 2
 ROUNDS = 2
 """Of materials: the first without a bounce, the second with it."""
 
-SCALE_ROUNDS = 3
 BALANCE_ROUNDS = 4
 
 
@@ -53,16 +52,14 @@ BALANCE_ROUNDS = 4
 class Found:
     """What the surface is made of.
 
-    materials: by label; flashes: with their gains; lamp: with an intensity; glossy: whether that
-    was told by the mirror of glossy paint where it was not given; field: light from the surface
-    around; voters: who tells the material of other points; surfels, seen, label, fit, neighbors,
-    hits: the points that it was found from; assumed: the lamp's intensity was not given.
+    materials: by label; flashes: with their gains; lamp: with an intensity; field: light from the
+    surface around; voters: who tells the material of other points; surfels, seen, label, fit,
+    neighbors, hits: the points that it was found from; assumed: the lamp's intensity was not given.
     """
 
     materials: tuple[Pooled, ...]
     flashes: Flashes
     lamp: Lamp
-    glossy: bool
     field: BounceField
     voters: Voters
     surfels: Surfel
@@ -146,8 +143,9 @@ def find_materials(
 ) -> Found:  # fmt: skip
     """The materials that explain points best, colors free.
 
-    seen: under an intensity of 1 where the lamp's is not known: then it is set so that glossy
-    dielectrics mirror `DIELECTRIC`, or, where there are none, so that the median is `MEAN_ALBEDO`.
+    seen: under an intensity of 1 where the lamp's is not known: then it is set so that the median
+    of matte colors is `MEAN_ALBEDO`. Gloss of paint, which mirrors 4 %, would tell it, but that
+    goes astray as soon as highlights are not quite those of the model.
     """
     near = near_neighbors(surfels.xyz, surfels.normal)
     hits = surface_hits(shadows, surfels)
@@ -164,16 +162,12 @@ def find_materials(
         fits, cost = search.volume(CANDIDATES)
         search.gains(_best_prediction(search.seen, fits, np.argmin(search.even(cost), axis=1)))
     kinds = [CANDIDATES[k] for k in base_materials(search.even(search.volume(CANDIDATES)[1]))]
-    glossy, field, label = False, None, None
-    for turn in range(ROUNDS if known else ROUNDS + SCALE_ROUNDS):
+    field, label = None, None
+    for _ in range(ROUNDS):
         rgb = fit_lambert(search.seen).color
         label, voters = search.settle(kinds, rgb)
         told, label = _merged(pooled(search.seen, label, kinds), label, search.seen)
-        if not known and turn < ROUNDS + SCALE_ROUNDS - 1:
-            glossy = _rescale(search, told) or glossy
         kinds = [one.material for one in told]
-        if not known:
-            kinds = [replace(kind, f0=DIELECTRIC) for kind in kinds]
         fit = fit_each(search.seen, kinds, label)
         field = search.bounce(Nodes(surfels, fit.color, label, kinds))
         search.balance(kinds, label)
@@ -181,8 +175,8 @@ def find_materials(
     fit = fit_each(search.seen, kinds, label)
     assert field is not None
     return Found(
-        tuple(replace(one, material=kind) for one, kind in zip(told, kinds, strict=True)),
-        search.flashes, search.lamp, glossy, field, voters, surfels, search.seen, label, fit,
+        tuple(replace(one, f0_known=one.f0_known and known) for one in told),
+        search.flashes, search.lamp, field, voters, surfels, search.seen, label, fit,
         shadows, near, hits, not known, diagonal,
     )  # fmt: skip
 
@@ -211,17 +205,6 @@ def completed(found: Found, seen: Observations) -> Found:
         field=BounceField(found.surfels, around * gain[:, None]),
         flashes=found.flashes.with_gain(found.flashes.gain * gain),
     )
-
-
-def _rescale(search: _Search, told: Sequence[Pooled]) -> bool:
-    """The light is scaled by the mirror of glossy dielectrics, if there are any."""
-    glossy = [one for one in told if one.f0_known]
-    if not glossy:
-        return False
-    points = np.array([one.points for one in glossy], float)
-    off = np.log([one.material.f0 / DIELECTRIC for one in glossy])
-    search.scale(float(np.exp((off * points).sum() / points.sum())))
-    return True
 
 
 def _merged(told: list[Pooled], label: Index, seen: Observations) -> tuple[list[Pooled], Index]:
