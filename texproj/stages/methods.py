@@ -228,7 +228,7 @@ def _from_camera(job: Job, start: Camera) -> Fit:
 
 
 def _by_features(job: Job) -> Fit:
-    from texproj.register.features import register_pairs  # noqa: PLC0415 - slow to load
+    from texproj.register.features import inherited_error, register_pairs  # noqa: PLC0415 - slow
 
     if not job.neighbors:
         raise RegistrationError(NOTHING_TO_START_FROM)
@@ -237,9 +237,11 @@ def _by_features(job: Job) -> Fit:
     found = {n: attended_pairs(job, other) for n, other in job.neighbors.items()}
     shared = {n: pairs for n, pairs in found.items() if pairs is not None}
     errors = [expected_error_px(job.neighbors[n]) for n in shared]
+    apart = [job.neighbors[n].method == "points" for n in shared]
+    inherited = inherited_error([*shared.values()], errors, apart)
     options = job.project.settings.points
     fit = register_pairs(
-        info, list(shared.values()), errors, job.start_intrinsics, options,
+        info, list(shared.values()), inherited, job.start_intrinsics, options,
         job.bench.surface_sample,
     )  # fmt: skip
     return replace(fit, quality={**fit.quality, THROUGH: list(shared)})
