@@ -7,6 +7,7 @@ not the shape that was photographed. Needs `pip install mitsuba`.
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -19,8 +20,8 @@ from texproj.demo.pattern import Pattern, painted
 from texproj.mesh import Mesh, vertex_normals
 from texproj.photo import srgb_from_linear
 
-VARIANT = "scalar_rgb"
-"""On all cores; the vectorized variants want an LLVM that not every machine has."""
+VARIANT = os.environ.get("MITSUBA_VARIANT", "scalar_rgb")
+"""On all cores; the vectorized llvm_ad_rgb is faster and wants an LLVM of 16 or later."""
 
 DEPTH = 6
 """Longest path: five bounces."""
@@ -187,12 +188,12 @@ def all_around(mesh: Mesh, photos: int, seed: int) -> list[Camera]:
     return out
 
 
-def _taken(mi: Any, scene: Any, camera: Camera, samples: int, seed: int) -> Floats:
-    """(h, w, 3) linear radiance. Mitsuba's camera looks along +z with x to the left, y up."""
+def sensor(mi: Any, camera: Camera, samples: int) -> Any:
+    """A pinhole camera. Mitsuba's looks along +z with x to the left, y up."""
     to_world = np.eye(4)
     to_world[:3, :3] = camera.pose.R.T @ np.diag([-1, -1, 1])
     to_world[:3, 3] = camera.center
-    sensor = mi.load_dict({
+    return mi.load_dict({
         "type": "perspective", "fov": FIELD_DEG, "fov_axis": "x",
         "to_world": mi.ScalarTransform4f(to_world),
         "film": {
@@ -201,7 +202,12 @@ def _taken(mi: Any, scene: Any, camera: Camera, samples: int, seed: int) -> Floa
         },
         "sampler": {"type": "independent", "sample_count": samples},
     })  # fmt: skip
-    return np.array(mi.render(scene, sensor=sensor, spp=samples, seed=seed))[..., :3]
+
+
+def _taken(mi: Any, scene: Any, camera: Camera, samples: int, seed: int) -> Floats:
+    """(h, w, 3) linear radiance."""
+    made = mi.render(scene, sensor=sensor(mi, camera, samples), spp=samples, seed=seed)
+    return np.array(made)[..., :3]
 
 
 def developed(radiance: Floats, seed: int) -> np.ndarray:

@@ -9,11 +9,9 @@ from dataclasses import Field, fields
 from pathlib import Path
 from typing import Any
 
-from pydantic import TypeAdapter
-
 from texproj.cli.commands import app
 from texproj.formats.interchange import FORMATS
-from texproj.options import is_expert
+from texproj.options import is_expert, meanings
 from texproj.settings import SECTIONS
 
 CHECKOUT = Path(__file__).resolve().parent.parent
@@ -47,9 +45,8 @@ def expert_settings() -> str:
 def _listed(shown: Any) -> str:
     parts = []
     for section, cls in SECTIONS.items():
-        described = TypeAdapter(cls).json_schema()["properties"]
         options = [option for option in fields(cls) if shown(cls, option)]
-        entries = [_entry(option, described[option.name]["description"]) for option in options]
+        entries = [_entry(option, meanings(cls)[option.name]) for option in options]
         if entries:
             purpose = " ".join((cls.__doc__ or "").split())
             parts.append("\n".join([f"### [{section}]", purpose, "", *entries]))
@@ -57,7 +54,7 @@ def _listed(shown: Any) -> str:
 
 
 def _entry(option: Field[Any], meaning: str) -> str:
-    text = f"- `{option.name} = {_toml(option.default)}`: {' '.join(meaning.split())}"
+    text = f"- `{option.name} = {_toml(option.default)}`: {meaning}"
     return textwrap.fill(text, WIDTH, subsequent_indent="  ", break_on_hyphens=False)
 
 

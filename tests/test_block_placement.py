@@ -4,6 +4,7 @@ Reliefs of boxes, six photos of each by rays and shading of their own, and point
 and outliers of structure from motion; mesh and block each in a random frame.
 """
 
+from dataclasses import replace
 from functools import lru_cache
 from types import SimpleNamespace
 
@@ -22,12 +23,12 @@ from block_scenes import (
 
 from texproj.errors import RegistrationError
 from texproj.mesh import Mesh, vertex_normals
-from texproj.register.block import search
+from texproj.register.block import place, search
 from texproj.register.block.block_fit import BlockFit
 from texproj.register.block.cloud import CELL, Cloud
 from texproj.register.block.place import place_block
 from texproj.register.block.placed_block import Matched, PatchFit, PlacedBlock
-from texproj.register.block.propose import PART_SCALES, Proposer, proposers
+from texproj.register.block.propose import PART_SCALES, Place, Proposer, proposers
 from texproj.register.block.scan import Scan
 from texproj.register.block.similarity import Similarity
 from texproj.register.block.surface_fit import Known, SurfaceFit
@@ -43,7 +44,9 @@ def wall(seed: int) -> Wall:
     return Wall(seed)
 
 
-def placed(photographed: Wall, mesh: Mesh, frame: Similarity, seed: int = 0) -> BlockFit:
+def placed(
+    photographed: Wall, mesh: Mesh, frame: Similarity, watched=lambda place: None
+) -> BlockFit:
     """The block of a wall's photos, in a frame of its own, put onto a mesh."""
     scene = CPURenderer().load(mesh, ambient_occlusion(mesh, 32))
     return place_block(
@@ -51,7 +54,7 @@ def placed(photographed: Wall, mesh: Mesh, frame: Similarity, seed: int = 0) -> 
         mesh,
         lambda camera: scene.gbuffer(camera, ("depth", "normal", "ao", "front")),
         photographed.photos.__getitem__,
-        seed=seed,
+        search.Listener(watched=watched),
     )
 
 
@@ -216,3 +219,59 @@ def test_derivatives_of_a_placed_block(which, part):
 
     tolerance = 0.02 if part == "prior" else 1e-5  # a prior's turn is taken as if it added up
     np.testing.assert_allclose(exact, numeric, atol=tolerance * np.abs(numeric).max())
+
+
+def two_faced(mesh: Mesh) -> Mesh:
+    """The wall with the same relief on its back: it looks the same after half a turn."""
+    back = TURNED.apply(mesh.vertices)
+    faces = np.concatenate([mesh.faces, mesh.faces + len(mesh.vertices)])
+    return Mesh(np.concatenate([mesh.vertices, back]), faces)
+
+
+TURNED = Similarity(1.0, np.diag([-1.0, 1.0, -1.0]), np.array([0.0, 0.0, 2.0]))
+"""Half a turn about the upright axis through the back of the wall."""
+
+
+class Told(Proposer):
+    """Proposes what it was told: the geometry of a symmetric thing proposes all of its places."""
+
+    world_from_block: tuple[Similarity, ...] = ()
+
+    def places(self, scales):
+        del scales
+        unit = self.cloud.block_from_unit
+        return [
+            Place(by, 1.0, (by @ unit).t, (by @ unit).scale, self) for by in self.world_from_block
+        ]
+
+
+def test_of_a_symmetric_thing_both_places_are_told(monkeypatch):
+    """The photos cannot tell its front from its back: refused, and the two places among which
+    somebody has to choose are the true one and the one half a turn away. On the way the best place
+    so far is told."""
+    rng = np.random.default_rng(4)
+    world_from_wall, block_from_wall, seen = random_similarity(rng), random_similarity(rng), []
+    mesh = moved(two_faced(wall(0).mesh), world_from_wall)
+    frames = (world_from_wall, world_from_wall @ TURNED)
+    size = np.ptp(mesh.vertices, axis=0).max()
+    Told.world_from_block = tuple(
+        (frame @ block_from_wall.inverse).step(rng.normal(0, 0.01, 7), frame.t, size)
+        for frame in frames
+    )
+    monkeypatch.setattr(place, "proposers", lambda block, mesh, *known: [Told(*known)])
+    fit = placed(wall(0), mesh, block_from_wall, seen.append)
+    errors = [
+        [
+            max(errors_percent(replace(fit, cameras=one.cameras), wall(0), frame))
+            for one in fit.candidates
+        ]
+        for frame in frames
+    ]
+
+    assert not fit.accepted
+    assert "two places" in fit.reason
+    assert len(fit.candidates) == 2
+    assert sorted(np.argmin(errors, axis=1)) == [0, 1]
+    assert np.max(np.min(errors, axis=1)) < 0.3
+    assert min(one.support for one in fit.candidates) > 0.3
+    assert [best.support for best in seen] == sorted(best.support for best in seen) != []

@@ -1,11 +1,14 @@
 """Coloring a texture, on planes whose colors are known on paper."""
 
+from contextlib import closing
+
 import numpy as np
 import pytest
 from color_scenes import camera, joined, moved, pattern, picture, plane
 from photo_sets import photo_set
 
 from texproj.color.filling.gutters import fill_page
+from texproj.color.filling.texels import fill_unseen
 from texproj.color.points.texels import TexelPoints
 from texproj.color.texture import color_texture
 from texproj.options import ColorOptions, RenderOptions
@@ -126,3 +129,33 @@ def test_fill_keeps_what_is_known():
     assert np.array_equal(page[known], before[known])
     low, high = before[known].min(axis=0), before[known].max(axis=0)
     assert (page >= low).all() and (page <= high).all()
+
+
+def test_what_is_filled_has_no_seam(textured):
+    """A disc that nobody sees, amid a pattern: colors go on over its border without a step, without
+    anything darker or brighter than what is around it; what is further away stays to the bit.
+    """
+    mesh, texture = textured
+    pages, counts = [p.copy() for p in texture.pages], [c.copy() for c in texture.photo_count]
+    with closing(Scratch()) as scratch:
+        points = TexelPoints.of(mesh, texture.atlas, scratch)
+        apart = np.full(counts[0].shape, np.inf)
+        for number, tile in enumerate(points.tiles):
+            xyz = points.chunk(number).xyz + points.owners.origin
+            away = np.where(xyz[:, 2] > -1, np.hypot(xyz[:, 0], xyz[:, 1]), np.inf)
+            assert tile.page == 0
+            points.place(number, apart, away)
+        hidden = apart < 0.3
+        pages[0][hidden], counts[0][hidden] = 0, 0
+        fill_unseen(mesh, texture.atlas, points, pages, counts)
+
+    seen = pages[0][(apart > 0.3) & np.isfinite(apart)]
+    assert hidden.sum() > 1500
+    assert (pages[0][hidden] >= seen.min(axis=0)).all()
+    assert (pages[0][hidden] <= seen.max(axis=0)).all()
+    steps = np.abs(np.diff(pages[0].astype(int), axis=1)).max(axis=-1)
+    border = hidden[:, 1:] != hidden[:, :-1]
+    beside = (apart[:, 1:] < 0.6) & (apart[:, :-1] < 0.6) & ~hidden[:, 1:] & ~hidden[:, :-1]
+    assert steps[border].mean() < 1.5 * steps[beside].mean() + 1
+    far = np.isfinite(apart) & (apart > 0.6)
+    np.testing.assert_array_equal(pages[0][far], texture.pages[0][far])

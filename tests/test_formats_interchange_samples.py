@@ -87,7 +87,7 @@ def test_each_colmap_lens(lens, x, tmp_path):
 
 
 WIDE_LENSES = [
-    ("OPENCV_FISHEYE 640 480 150 150 320 240 0 0 0 0", "too wide"),
+    ("RAD_TAN_THIN_PRISM_FISHEYE 640 480 150 150 320 240 0 0 0 0 0 0 0 0 0 0 0 0", "FISHEYE"),
     ("FOV 640 480 500 500 320 240 0.9", "FOV"),
 ]
 
@@ -110,9 +110,9 @@ FISHEYES = [
 
 
 @pytest.mark.parametrize(("kind", "lens"), FISHEYES, ids=str)
-def test_a_fisheye_is_fitted(kind, lens, tmp_path):
-    """Points all over the picture fall where OpenCV's own fisheye puts them, to a hundredth pixel;
-    the note says how well they do.
+def test_a_fisheye_comes_as_it_is(kind, lens, tmp_path):
+    """Points all over the picture fall where OpenCV's own fisheye puts them; none is left out, so
+    nothing need be said.
     """
     k = np.array([0.05, 0.01, 0.002, -0.001])
     if kind == "colmap":
@@ -127,8 +127,8 @@ def test_a_fisheye_is_fitted(kind, lens, tmp_path):
     ideal = cv2.fisheye.undistortPoints(pixels[:, None], K, k)[:, 0]
 
     ours = found.camera.intrinsics.distort(ideal) * 500 + (320, 240)
-    np.testing.assert_allclose(ours, pixels, rtol=0, atol=0.01)
-    assert "fisheye" in found.notes[0]
+    np.testing.assert_allclose(ours, pixels, rtol=0, atol=1e-6)
+    assert found.camera.intrinsics.model == "fisheye" and found.notes == ()
 
 
 # --- Bundler
@@ -293,8 +293,10 @@ def test_metashape_skew_is_told(tmp_path):
     assert "b2 = 2" in found.notes[0] and "1.5 px" in found.notes[0]
 
 
-def test_metashape_fisheye_is_refused(tmp_path):
-    assert "fisheye" in read("metashape", metashape_file(tmp_path, kind="fisheye")).refused["A"]
+def test_metashape_fisheye_is_one_and_a_sphere_is_refused(tmp_path):
+    found = read("metashape", metashape_file(tmp_path, kind="fisheye")).cameras[0]
+    assert found.camera.intrinsics.model == "fisheye"
+    assert "neither" in read("metashape", metashape_file(tmp_path, kind="spherical")).refused["A"]
 
 
 def test_metashape_georeferenced_chunk_is_told(tmp_path):

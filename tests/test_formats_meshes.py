@@ -436,13 +436,16 @@ TEXTURED_FILES = {
 
 @pytest.mark.parametrize("name", TEXTURED_FILES)
 def test_a_mesh_that_brings_texture_coordinates_is_told_of(tmp_path, name):
-    """And one that brings none is not."""
+    """They are read, or it is said that they are not; of a mesh that brings none nothing is."""
     (tmp_path / name).write_bytes(TEXTURED_FILES[name])
     mesh = read_mesh_file(tmp_path / name)
     assert len(mesh.faces) == 1
-    assert ["not used" in note for note in mesh.notes] == [True]
+    told = ["not used" in note or "cannot be used" in note for note in mesh.notes]
+    assert told == ([] if name == "t.obj" else [True])
+    assert (mesh.layout is not None) == (name == "t.obj")
     (tmp_path / "plain.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     assert read_mesh_file(tmp_path / "plain.obj").notes == ()
+    assert read_mesh_file(tmp_path / "plain.obj").layout is None
 
 
 def test_missing_empty_and_unknown_files(tmp_path):

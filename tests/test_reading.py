@@ -71,7 +71,7 @@ def test_the_limit_of_photos_is_a_setting(project):
 def test_what_a_mesh_file_brings_is_told_with_its_path(project):
     path = project.root / "mesh" / "a.ply"
     path.unlink()
-    path.with_suffix(".obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n")
+    path.with_suffix(".obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt x 0\nf 1/1 2/1 3/1\n")
     (note,) = Project.open(project.root).load_mesh().notes
     assert note.startswith(str(path.with_suffix(".obj")))
     assert "texture coordinates" in note

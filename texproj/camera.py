@@ -1,4 +1,4 @@
-"""Cameras: rigid poses, pinhole intrinsics with OpenCV distortion, and what a pixel sees.
+"""Cameras: rigid poses, intrinsics with OpenCV's distortion or fisheye, and what a pixel sees.
 
 Frames: `world` is the mesh file's frame, `cam` has x right, y down, z forward.
 Pixels: continuous image coordinates; the center of the top-left pixel is (0.5, 0.5).
@@ -8,15 +8,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal
 
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from texproj import fisheye
+
 Array = NDArray[np.float64]
+LensModel = Literal["perspective", "fisheye"]
 
 DISTORTION_LENGTHS = (0, 4, 5, 8, 12, 14)
 """Numbers of coefficients that OpenCV defines: k1 k2 p1 p2 [k3 [k4 k5 k6 [s1..s4 [tx ty]]]]."""
+
+LENGTHS: dict[LensModel, tuple[int, ...]] = {
+    "perspective": DISTORTION_LENGTHS,
+    "fisheye": fisheye.FISHEYE_LENGTHS,
+}
+"""Numbers of coefficients by lens model."""
 
 NEGLIGIBLE_RADIAL = np.array([1e-27, 1e-21, 1e-15])
 """Of r^6, r^4, r^2: below, they move no point by 1e-9 within 89.9 degrees of the axis."""
@@ -108,7 +118,8 @@ class Intrinsics:
     """Focal lengths, principal point and OpenCV distortion of a photo of `width` x `height` pixels.
 
     fx, fy, cx, cy in pixels; cx, cy count from the top-left corner of the image.
-    dist: 0, 4, 5, 8, 12 or 14 coefficients in OpenCV's order (k1 k2 p1 p2 k3 ...).
+    dist: 0, 4, 5, 8, 12 or 14 coefficients in OpenCV's order (k1 k2 p1 p2 k3 ...); of a model
+    "fisheye" 4 or 8 (see `texproj.fisheye`).
     """
 
     width: int
@@ -118,12 +129,13 @@ class Intrinsics:
     cx: float
     cy: float
     dist: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    model: LensModel = "perspective"
 
     def __post_init__(self) -> None:
         dist = tuple(float(k) for k in self.dist)
-        if len(dist) not in DISTORTION_LENGTHS:
+        if len(dist) not in LENGTHS[self.model]:
             raise ValueError(
-                f"dist has {len(dist)} coefficients; OpenCV defines {DISTORTION_LENGTHS}"
+                f"dist has {len(dist)} coefficients; {self.model} defines {LENGTHS[self.model]}"
             )
         object.__setattr__(self, "dist", dist)
         values = (self.fx, self.fy, self.cx, self.cy, *dist)
@@ -148,12 +160,17 @@ class Intrinsics:
 
     @property
     def distorted(self) -> bool:
-        return any(self.dist)
+        """Whether a pixel sees anything but ((x - cx) / fx, (y - cy) / fy)."""
+        return self.is_fisheye or any(self.dist)
+
+    @property
+    def is_fisheye(self) -> bool:
+        return self.model == "fisheye"
 
     @property
     def pinhole(self) -> Intrinsics:
         """The same without distortion."""
-        return replace(self, dist=(0.0,) * 5)
+        return replace(self, dist=(0.0,) * 5, model="perspective")
 
     def resized(self, width: int, height: int) -> Intrinsics:
         """For the same photo resampled to `width` x `height` pixels."""
@@ -172,9 +189,11 @@ class Intrinsics:
         """Largest undistorted radius (tangent of the off-axis angle) up to which the radial part
         of the lens model grows; beyond it the polynomial folds back and projections mean nothing.
         """
-        k1, k2, _, _, k3, k4, k5, k6 = (*self.dist, *(0.0,) * 8)[:8]
         if max(map(abs, self.dist), default=0.0) > MOST_COEFFICIENT:
             return 0.0
+        if self.is_fisheye:
+            return float(np.tan(fisheye.limit_rad(self.dist)))
+        k1, k2, _, _, k3, k4, k5, k6 = (*self.dist, *(0.0,) * 8)[:8]
         num = np.array([k3, k2, k1, 1.0])  # in r^2, highest power first
         den = np.array([k6, k5, k4, 1.0])
         for terms in (num, den):  # else the roots of what moves nothing overflow
@@ -199,8 +218,12 @@ class Intrinsics:
             return xy.copy()
         inside = (xy**2).sum(1) < self.max_radius**2
         ideal = np.where(inside[:, None], xy, 0)
-        tilted = any(self.dist[12:])
-        out = _by_opencv(ideal, self.dist) if tilted else _by_polynomials(ideal, self.dist)
+        if self.is_fisheye:
+            out = fisheye.distort(ideal, self.dist)
+        elif any(self.dist[12:]):
+            out = _by_opencv(ideal, self.dist)
+        else:
+            out = _by_polynomials(ideal, self.dist)
         out[~inside] = np.nan
         return out
 
@@ -212,6 +235,8 @@ class Intrinsics:
         target = np.asarray(xy, np.float64).reshape(-1, 2)
         if not self.distorted or not len(target):
             return target.copy()
+        if self.is_fisheye:
+            return fisheye.undistort(target, self.dist)
         limit = self.max_radius
         radius = np.linalg.norm(target, axis=1)
         guess = target * np.minimum(1, 0.9 * limit / np.maximum(radius, 1e-12))[:, None]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from texproj.errors import InputError, OutputError, TexprojError, UsageError
 from texproj.files import link_or_copy, write_atomically
-from texproj.formats.meshes import MESH_SUFFIXES, read_mesh
+from texproj.formats.meshes import MESH_SUFFIXES, companions, read_mesh
 from texproj.formats.photos import PHOTO_SUFFIXES, RAW_SUFFIXES, SAID, read_photo, read_photo_info
 from texproj.intake import (
     find_photos,
@@ -165,6 +165,11 @@ def _fill(root: Path, mesh: Path, sources: Sequence[Path], link: bool) -> None:
     except OSError as error:
         raise OutputError(f"cannot make {root}: {error.strerror}") from None
     link_or_copy(mesh, root / "mesh" / mesh.name, link)
+    for name, path in companions(mesh).items():
+        beside = root / "mesh" / (Path(name).name if ".." in Path(name).parts else name)
+        if not beside.exists():
+            beside.parent.mkdir(parents=True, exist_ok=True)
+            link_or_copy(path, beside, link)
     for source in sources:
         link_or_copy(source, root / "photos" / source.name, link)
     write_settings(root, mesh.name)

@@ -9,7 +9,7 @@ KINDS: dict[str, type] = {
     **dict.fromkeys(("inputs", "outputs", "failed", "quality", "occluders", "found"), dict),
     **dict.fromkeys(("written", "before", "after", "moved_px", "thrown_out", "light"), dict),
     **dict.fromkeys(("alike", "standing", "provenance"), dict),
-    **dict.fromkeys(("used", "alone", "pairs", "mesh notes"), list),
+    **dict.fromkeys(("used", "alone", "pairs", "mesh notes", "questions"), list),
     "copyright": str,
 }
 """What stands under a key, in the record of whichever stage."""

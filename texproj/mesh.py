@@ -7,16 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from texproj.layout import Layout, Node
+
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
     """Vertices and triangles in the mesh file's own frame and units.
 
-    vertices: (V, 3) float64, finite; faces: (F, 3) int32 into vertices.
+    vertices: (V, 3) float64, finite; faces: (F, 3) int32 into vertices; layout: where the faces
+    lie in textures, if the file says so.
     """
 
     vertices: NDArray[np.float64]
     faces: NDArray[np.int32]
+    layout: Layout | None = None
 
     def __post_init__(self) -> None:
         vertices = np.ascontiguousarray(self.vertices, np.float64).reshape(-1, 3).view()
@@ -63,15 +67,43 @@ class MeshSource:
 
 
 @dataclass(frozen=True, eq=False)
+class Parts:
+    """Nodes and names that a model keeps of the mesh's file.
+
+    page_names: a name for each page; nodes; node_of_face: (F,) int32 rows of nodes; uv_down: (T, 2)
+    texture coordinates with v down from the top, exactly as the file has them.
+    """
+
+    page_names: tuple[str, ...]
+    nodes: tuple[Node, ...]
+    node_of_face: NDArray[np.int32]
+    uv_down: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class NormalMap:
+    """Directions finer than a mesh's own, in the frames of its surface, as glTF has them.
+
+    pages: (h, w, 3) uint8 beside the texture's pages; tangents: (T, 4) per texture vertex: unit
+    vector to the right on the page, and 1, or -1 where the page shows the surface mirrored.
+    """
+
+    pages: tuple[NDArray[np.uint8], ...]
+    tangents: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
 class TexturedMesh:
     """Triangles with a texture of one or several pages, as written to files.
 
     vertices: (V, 3) float64; faces: (F, 3) int32 into vertices.
-    uv: (T, 2) float64 on the page of the face, 0..1, u right, v UP from the bottom of the page;
+    uv: (T, 2) float64 on the page of the face, u right, v UP from the bottom of the page; 0..1,
+    or, with `parts`, as the file has them: pages repeat beyond.
     uv_faces: (F, 3) int32 into uv, corner by corner as faces.
     page_of_face: (F,) int32 into pages, -1 = no texture.
     pages: (h, w, 3 or 4) uint8 or uint16, sRGB-encoded, row 0 on top.
-    normals: (V, 3) unit vectors or None.
+    normals: (V, 3) unit vectors or None. parts: nodes and names to keep, if any;
+    normal_map: if any.
     """
 
     vertices: NDArray[np.float64]
@@ -81,6 +113,8 @@ class TexturedMesh:
     page_of_face: NDArray[np.int32]
     pages: tuple[NDArray[np.uint8] | NDArray[np.uint16], ...]
     normals: NDArray[np.float64] | None = None
+    parts: Parts | None = None
+    normal_map: NormalMap | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -189,7 +189,7 @@ class Project:
         path = self.mesh_path
         file = read_mesh_file(path)
         try:
-            source = repair(file.vertices, file.faces)
+            source = repair(file.vertices, file.faces, file.layout)
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
         notes = tuple(f"{path}: {note}" for note in (*file.notes, *source.notes))

@@ -20,6 +20,8 @@ THROUGH = "through"
 """Key of an entry's quality: the photos through which it was found, where it was."""
 PROOF = "proofs"
 """Key of an entry's quality: what speaks for and against its camera."""
+CHOSEN = "chosen_place"
+"""Key of an entry's quality: the number of the place that somebody chose among several."""
 DOUBTED = "not_borne_out"
 """Key of a registered entry's quality: other photos that overlap do not bear it out, so no photo is
 sought through it."""

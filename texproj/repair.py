@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from texproj.errors import InputError
+from texproj.layout import Layout
 from texproj.mesh import Mesh, MeshSource, face_cross, norms
 
 Index = NDArray[np.int64]
@@ -23,10 +24,11 @@ ROUNDING = 4 * np.finfo(np.float64).eps
 """Height of a triangle, over its largest coordinate, that rounding alone can make."""
 
 
-def repair(vertices: ArrayLike, faces: ArrayLike) -> MeshSource:
+def repair(vertices: ArrayLike, faces: ArrayLike, layout: Layout | None = None) -> MeshSource:
     """The usable part of a mesh: welded, without broken, degenerate, duplicate or unused parts.
 
-    vertices: (S, 3) mesh units, any finite or non-finite values; faces: (T, 3) integers.
+    vertices: (S, 3) mesh units, any finite or non-finite values; faces: (T, 3) integers; layout:
+    where these faces lie in textures.
     No vertex moves: only exactly equal positions are welded. Vertices and faces keep their
     order, so that a clean mesh comes back as it is; `source_faces` and `mesh.faces` of the
     result pair up row by row. Of several faces on the same three points the first stays,
@@ -51,7 +53,8 @@ def repair(vertices: ArrayLike, faces: ArrayLike) -> MeshSource:
         (welded >= 0) & used[welded], new_index[welded], -1
     ).astype(np.int32)  # fmt: skip
     repairs = _vertex_counts(finite, welded, used) | repairs
-    mesh = Mesh(source[used], vertex_of_source[kept])
+    kept_layout = layout and layout.of_faces(valid)
+    mesh = Mesh(source[used], vertex_of_source[kept], kept_layout)
     done = {name: count for name, count in repairs.items() if count}
     return MeshSource(mesh, source, kept, vertex_of_source, done, _precision(mesh))
 

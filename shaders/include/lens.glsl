@@ -1,4 +1,4 @@
-// The distortion of a photo's lens: OpenCV's model with all its coefficients, in 32 bit.
+// The distortion of a photo's lens: OpenCV's model with all its coefficients, or a fisheye, 32 bit.
 // From render/blocks.py::lens_block. Twin: Intrinsics.distort in texproj/camera.py.
 // Normalized coordinates (x/z, y/z) in and out. The model holds up to radius `lens_limit`, just
 // beyond the picture; farther out it continues straight, so that it never folds back.
@@ -8,9 +8,24 @@ layout(std140) uniform Lens {
     vec4 lens_s1_s2_s3_s4;
     mat4 lens_tilt;
     float lens_limit;
+    float lens_is_fisheye;
 };
 
+// Twin: texproj/fisheye.py. Of the block k1..k4, p1, p2, s1 and s3 are used.
+vec2 fisheye_model(vec2 xy) {
+    vec4 a = lens_k1_k2_p1_p2, b = lens_k3_k4_k5_k6, s = lens_s1_s2_s3_s4;
+    float r = length(xy);
+    vec2 u = r > 0.0 ? xy * (atan(r) / r) : xy;
+    float t2 = dot(u, u);
+    float radial = 1.0 + t2 * (a.x + t2 * (a.y + t2 * (b.x + t2 * b.y)));
+    float cross2 = 2.0 * u.x * u.y;
+    vec2 tangential = vec2(a.z * cross2 + a.w * (t2 + 2.0 * u.x * u.x),
+                           a.w * cross2 + a.z * (t2 + 2.0 * u.y * u.y));
+    return u * radial + tangential + vec2(s.x, s.z) * t2;
+}
+
 vec2 lens_model(vec2 xy) {
+    if (lens_is_fisheye > 0.5) return fisheye_model(xy);
     vec4 a = lens_k1_k2_p1_p2, b = lens_k3_k4_k5_k6, s = lens_s1_s2_s3_s4;
     float r2 = dot(xy, xy);
     float radial = (1.0 + r2 * (a.x + r2 * (a.y + r2 * b.x)))

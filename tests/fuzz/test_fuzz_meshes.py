@@ -10,10 +10,13 @@ import trimesh
 from fuzzing import broken_bytes, broken_json, broken_text, broken_value, refused_or_read
 from hypothesis import given
 from hypothesis import strategies as st
+from layout_files import glb, image
 
 from texproj.errors import InputError
-from texproj.formats.meshes import read_mesh
+from texproj.formats.meshes import companions, picture_side, read_mesh, read_mesh_file
+from texproj.options import UnwrapOptions
 from texproj.repair import repair
+from texproj.unwrap.kept import kept_pages
 
 OBJ = (
     "mtllib a.mtl\nv 0 0 0\nv 1 0 0 0.5 0.5 0.5\nv 0 1 0\nv 0 0 1\nvt 0 1\n"
@@ -29,6 +32,11 @@ PLY = (
     "property list uchar int vertex_indices\nend_header\n"
     "0 0 0 1\n1 0 0 2\n0 1 0 3\n0 0 1 4\n3 0 1 2\n4 0 1 2 3\n",
 )
+TEXTURED_OBJ = (
+    "mtllib a.mtl\no one\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 1\nvt 1 1\nvt 0 0\nusemtl a\n"
+    "f 1/1 2/2 3/3\n"
+)
+MTL = "newmtl a\nKd 0.5 1 1\nmap_Kd -s 1 1 1 -bm 2 a.<UDIM>.png\nnewmtl b\nmap_Kd b.png\n"
 STL = (
     "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n"
     "endloop\nendfacet\nendsolid a\n"
@@ -42,11 +50,26 @@ def sound(kind):
     return data.encode() if isinstance(data, str) else data
 
 
+@cache
+def textured_glb():
+    uv = np.array([[0, 0], [1, 0], [0, 1]])
+    xyz = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    nodes = [{"name": "n", "mesh": 0, "scale": [-1, 1, 1]}]
+    return glb(nodes, [("m", [(xyz, uv, [[0, 1, 2]], 0)])], [("a", 0)], [image((1, 2, 3))])
+
+
 def read_and_repair(path):
-    vertices, faces = read_mesh(path)
-    assert vertices.dtype == np.float64
-    assert faces.dtype == np.int32
-    return repair(vertices, faces)
+    """The mesh, the files that it names, and the pages that its own layout would have."""
+    file = read_mesh_file(path)
+    assert file.vertices.dtype == np.float64
+    assert file.faces.dtype == np.int32
+    companions(path)
+    source = repair(file.vertices, file.faces, file.layout)
+    if file.layout is not None:
+        for material in file.layout.materials:
+            picture_side(material)
+        kept_pages(source.mesh, UnwrapOptions())
+    return source
 
 
 @given(broken_text(OBJ))
@@ -71,6 +94,20 @@ def test_text_ply(place, data):
 def test_stl(place, data):
     """Both kinds."""
     refused_or_read(read_and_repair, place / "a.stl", data, "read_mesh stl")
+
+
+@given(broken_text((MTL,)))
+def test_materials_of_an_obj(place, data):
+    """Whatever stands in its library: the mesh is read all the same."""
+    (place / "a.mtl").write_bytes(data)
+    (place / "with.obj").write_text(TEXTURED_OBJ)
+    assert read_and_repair(place / "with.obj").mesh.layout is not None
+
+
+@given(st.deferred(lambda: broken_bytes((textured_glb(),))))
+def test_textured_glb(place, data):
+    """Coordinates, materials and images that are spoiled."""
+    refused_or_read(read_and_repair, place / "t.glb", data, "read_mesh textured glb")
 
 
 @given(st.deferred(lambda: broken_bytes((sound("glb"),))))

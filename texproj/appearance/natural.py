@@ -17,7 +17,7 @@ from texproj.appearance.light_fit import (
     LitPoints,
     fit_light,
 )
-from texproj.appearance.recovered import Appearance, NaturalLight
+from texproj.appearance.recovered import Appearance, NaturalLight, untold
 from texproj.appearance.sun import angle_deg, find_sun, spiral
 from texproj.appearance.transfer import SUN_RAYS, LightCaster
 from texproj.appearance.verdict import Places, Verdict, judged
@@ -102,13 +102,14 @@ def natural_appearance(
     if found.fit.sun is not None:
         light = replace(light, sun=found.fit.sun / factor)
     return Appearance(
-        base, irradiance, confidence * seen, light, True, "", chart == "scale", found.verdict
+        base, *untold(len(base)), irradiance, confidence * seen, light, True, "",
+        chart == "scale", found.verdict,
     )  # fmt: skip
 
 
 def _refused(rgb: Floats, seen: Bools, reason: str, verdict: Verdict | None) -> Appearance:
     base, little = np.clip(rgb, 0, 1), np.where(seen, REFUSED, np.float32(0))
-    return Appearance(base, None, little, None, False, reason, False, verdict)
+    return Appearance(base, *untold(len(base)), None, little, None, False, reason, False, verdict)
 
 
 def _chosen(mesh: Mesh, rgb: Floats, seen: Bools) -> Index:

@@ -4,8 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from texproj.appearance.flash.found import Found
+from texproj.appearance.flash.held_out import FlashVerdict
 from texproj.appearance.verdict import Verdict
-from texproj.arrays import Doubles, Floats
+from texproj.arrays import Doubles, Floats, Index
+
+MATTE = np.float32(1)
+"""Roughness where nothing tells it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,21 +30,46 @@ class NaturalLight:
 
 
 @dataclass(frozen=True, eq=False)
+class FlashLight:
+    """A flash on the camera. found: the materials, the lamp with its intensity and the output of
+    each flash, by the photos' numbers; names: of the photos; label: (V,) material of each vertex.
+    """
+
+    found: Found
+    names: tuple[str, ...]
+    label: Index
+
+    @property
+    def output(self) -> dict[str, float]:
+        """Of each flash, 1 on the whole."""
+        gains = self.found.flashes.gain
+        return {name: float(gain) for name, gain in zip(self.names, gains, strict=True)}
+
+
+@dataclass(frozen=True, eq=False)
 class Appearance:
     """The surface itself, at the vertices of the mesh.
 
     base: (V, 3) float32 linear base color in 0..1, the blended colors where the light was refused;
-    irradiance: (V, 3) float32 that was divided out, over pi, None where it was refused;
+    roughness, metallic: (V,) float32 in 0..1, `MATTE` and 0 where nothing tells them;
+    irradiance: (V, 3) float32 that was divided out, over pi, None where there is no natural light;
     confidence: (V,) float32 in 0..1, 0 = unseen; light: None where none was found; accepted:
     whether the light is believed, reason: why not, one sentence with the next step; absolute:
     base colors are reflectances, not only up to one factor; verdict: by what it was judged.
     """
 
     base: Floats
+    roughness: Floats
+    metallic: Floats
     irradiance: Floats | None
     confidence: Floats
-    light: NaturalLight | None
+    light: NaturalLight | FlashLight | None
     accepted: bool
     reason: str
     absolute: bool
-    verdict: Verdict | None
+    verdict: Verdict | FlashVerdict | None
+
+
+def untold(points: int) -> tuple[Floats, Floats]:
+    """(n,) roughness and (n,) metallic of points of which nothing tells them."""
+    return np.full(points, MATTE), np.zeros(points, np.float32)

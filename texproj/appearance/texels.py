@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.appearance.corners import barycentric
 from texproj.appearance.light_fit import LEAST_LIGHT
 from texproj.appearance.natural import base_color
 from texproj.appearance.recovered import Appearance, NaturalLight
@@ -31,7 +32,7 @@ def base_texture(mesh: Mesh, texture: Texture, appearance: Appearance) -> Textur
     refused. The appearance is that of the mesh's vertices, found in the same photos.
     """
     light, irradiance = appearance.light, appearance.irradiance
-    if light is None or irradiance is None:
+    if not isinstance(light, NaturalLight) or irradiance is None:
         return texture
     lamp = _Lamp(mesh, light, irradiance)
     pages: list[NDArray[Any]] = [page.copy() for page in texture.pages]
@@ -67,7 +68,7 @@ class _Lamp:
     def at(self, chunk: Chunk) -> Floats:
         """(n, 3) at points on faces, relative to the mesh's center."""
         corner = self._faces[chunk.owner]
-        part = _barycentric(self._corners[corner], chunk.xyz)
+        part = barycentric(self._corners[corner], chunk.xyz)
         light: Floats = np.einsum("nk,nkc->nc", part, self._soft[corner])
         if self._to_sun is None:
             return light
@@ -75,16 +76,3 @@ class _Lamp:
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
         cosine = self._caster.sun_at(chunk.xyz, normal, self._to_sun, TEXEL_SUN_RAYS)
         return light + cosine[:, None] * self._sun
-
-
-def _barycentric(corners: Floats, xyz: Floats) -> Floats:
-    """(n, 3) weights of the corners (n, 3, 3) of faces for points near them, in 0..1."""
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    e, f, p = b - a, c - a, xyz - a
-    ee, ff, ef = (np.einsum("ij,ij->i", u, v) for u, v in ((e, e), (f, f), (e, f)))
-    pe, pf = np.einsum("ij,ij->i", p, e), np.einsum("ij,ij->i", p, f)
-    det = ee * ff - ef * ef
-    det = np.where(det > 0, det, np.float32(np.inf))
-    u, v = (ff * pe - ef * pf) / det, (ee * pf - ef * pe) / det
-    part = np.maximum(np.stack([1 - u - v, u, v], axis=1), 0)
-    return part / part.sum(axis=1, keepdims=True)

@@ -15,10 +15,11 @@ app = App(
 
 MODULES = {
     "creating": ("new", "demo"),
-    "making": ("register", "refine", "color", "appearance", "run", "report"),
+    "making": ("register", "refine", "color", "appearance", "run", "report", "place"),
     "telling": ("status", "preview"),
     "machine": ("doctor",),
     "inspecting": ("factors", "turntable"),
+    "relighting": ("relight",),
     "exchange": ("import_", "export"),
 }
 """Modules of this package, and the commands that each holds."""

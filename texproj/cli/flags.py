@@ -10,7 +10,7 @@ from typing import Annotated, Any, get_type_hints
 
 from cyclopts import Parameter
 
-from texproj.options import is_expert, options_from
+from texproj.options import is_expert, meanings, options_from
 from texproj.settings import SECTIONS, Settings
 
 
@@ -72,9 +72,10 @@ def _flags(section: str) -> list[tuple[str, Any]]:
 
 
 def _flag(cls: type, option: Field[Any], hint: Any) -> Any:
-    text = vars(cls)["__pydantic_fields__"][option.name].description or ""
     shown = "none" if option.default is None else option.default
-    return Annotated[hint | None, Parameter(help=f"{' '.join(text.split())} [default: {shown}]")]
+    return Annotated[
+        hint | None, Parameter(help=f"{meanings(cls)[option.name]} [default: {shown}]")
+    ]
 
 
 def _dataclass(name: str, columns: list[Any]) -> type:

@@ -58,6 +58,8 @@ def turntable(
 ) -> int:
     """Film the colored model once around: out/turntable.webp, .gif, or pictures.
 
+    A scan that is open at its back is filmed to and fro in front of it.
+
     Example: texproj turntable statue --film gif
     """
     from texproj.stages.turning import TurntableOptions, turn_project  # noqa: PLC0415

@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 from cyclopts import Parameter
 
 from texproj.cli.flags import flags_for
-from texproj.cli.runner import run_stage
+from texproj.cli.runner import run_stage, tell
 from texproj.cli.shared import Folder, Json, Verbose, matching, project_at_work
 from texproj.settings import SECTIONS
 
 if TYPE_CHECKING:
+    from texproj.stages.bench import Workbench
+    from texproj.stages.progress import Progress
+
     RegisterFlags: TypeAlias = Any
     ColorFlags: TypeAlias = Any
     RefineFlags: TypeAlias = Any
@@ -43,14 +46,36 @@ def register(
 
     Example: texproj register statue --method points
     """
+    from texproj.stages.choosing import told_of  # noqa: PLC0415
     from texproj.stages.outcomes import RegisterOutcome  # noqa: PLC0415
     from texproj.stages.registering import register_photos  # noqa: PLC0415
 
     with project_at_work(folder, flags, verbose, "register") as project:
         names = matching(project, photos)
-        return run_stage(
-            project, json, lambda bench, tell: RegisterOutcome(register_photos(bench, names, tell))
-        )
+
+        def stage(bench: Workbench, progress: Progress) -> RegisterOutcome:
+            return RegisterOutcome(register_photos(bench, names, progress), told_of(project))
+
+        return run_stage(project, json, stage)
+
+
+def place(
+    folder: Folder,
+    number: Annotated[int, Parameter(name="NUMBER", help="As `status` tells; 0: none of them.")],
+    /,
+    *,
+    json: Json = False,
+    verbose: Verbose = False,
+) -> int:
+    """Say which of several places on the mesh is right, where the photos do not decide.
+
+    Example: texproj place statue 1
+    """
+    from texproj.stages.choosing import choose  # noqa: PLC0415
+
+    with project_at_work(folder, None, verbose, "place") as project:
+        project.check_writable(project.work)
+        return tell(project, choose(project, number), json)
 
 
 def color(

@@ -20,11 +20,13 @@ def status(folder: Folder, /, *, json: Json = False, verbose: Verbose = False) -
 
     Example: texproj status statue
     """
+    from texproj.stages.choosing import told_of  # noqa: PLC0415
     from texproj.stages.running import StatusOutcome, project_status  # noqa: PLC0415
     from texproj.stages.story import story_of  # noqa: PLC0415
 
     project = open_project(folder, None, verbose)
-    return tell(project, StatusOutcome(project_status(project), story_of(project)), json)
+    outcome = StatusOutcome(project_status(project), story_of(project), told_of(project))
+    return tell(project, outcome, json)
 
 
 def preview(folder: Folder, /, *, flags: PreviewFlags = None, verbose: Verbose = False) -> int:

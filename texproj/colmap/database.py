@@ -14,6 +14,7 @@ import numpy as np
 import pycolmap
 
 from texproj.arrays import Floats, Ints
+from texproj.camera import Intrinsics
 from texproj.colmap.messages import Lens, Picture, Task
 from texproj.solve.retrieval import (
     ALL_WITH_ALL,
@@ -211,13 +212,19 @@ def _extraction() -> Any:
 def camera_of(lens: Lens) -> Any:
     """COLMAP's camera of a lens: one coefficient to solve, or OpenCV's model as calibrated."""
     if lens.intrinsics is not None:
-        k = lens.intrinsics
-        k1, k2, p1, p2, k3, k4, k5, k6 = (*k.dist, *(0.0,) * 8)[:8]
-        params = [k.fx, k.fy, k.cx, k.cy, k1, k2, p1, p2, k3, k4, k5, k6]
-        model = "FULL_OPENCV"
+        model, params = _calibrated(lens.intrinsics)
     else:
         focal = lens.focal_px or USUAL_FOCAL * max(lens.width, lens.height)
-        params, model = [focal, lens.width / 2, lens.height / 2, 0.0], "SIMPLE_RADIAL"
+        params, model = [focal, lens.width / 2, lens.height / 2, lens.k1], "SIMPLE_RADIAL"
     camera = pycolmap.Camera(model=model, width=lens.width, height=lens.height, params=params)
     camera.has_prior_focal_length = lens.intrinsics is not None or lens.focal_px is not None
     return camera
+
+
+def _calibrated(k: Intrinsics) -> tuple[str, list[float]]:
+    """COLMAP's model of a lens that is known, and its parameters."""
+    base = [k.fx, k.fy, k.cx, k.cy]
+    if k.is_fisheye:
+        k1, k2, k3, k4, p1, p2, s1, s2 = (*k.dist, *(0.0,) * 4)[:8]
+        return "THIN_PRISM_FISHEYE", [*base, k1, k2, p1, p2, k3, k4, s1, s2]
+    return "FULL_OPENCV", [*base, *(*k.dist, *(0.0,) * 8)[:8]]

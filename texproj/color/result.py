@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.mesh import Mesh, TexturedMesh, vertex_normals
+from texproj.mesh import Mesh, Parts, TexturedMesh, vertex_normals
 
 if TYPE_CHECKING:
     from texproj.unwrap.atlas import Atlas
+    from texproj.unwrap.kept import Pages
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +40,8 @@ class Texture:
     no photo sees and those between the charts are filled from around them.
     photo_count: one (h, w) uint8 image per page: how many photos a texel's color comes from,
     0 = unseen or outside of every chart; quality: numbers for the report; failed: photos that
-    could not be used by name, and why.
+    could not be used by name, and why; kept: the pages of the mesh's own layout where the atlas is
+    that; notes: what a person should know of the layout, one sentence each.
     """
 
     atlas: Atlas
@@ -47,17 +49,28 @@ class Texture:
     photo_count: tuple[NDArray[np.uint8], ...]
     quality: dict[str, Any] = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
+    kept: Pages | None = None
+    notes: tuple[str, ...] = ()
 
 
 def textured_mesh(mesh: Mesh, texture: Texture, normals: bool = True) -> TexturedMesh:
-    """The mesh with its texture, in the conventions of model files (v up, 0..1)."""
+    """The mesh with its texture, in the conventions of model files (v up, 0..1); with nodes, names
+    and texture coordinates as its file has them where those are kept.
+    """
+    units = vertex_normals(mesh) if normals else None
+    if texture.kept is not None and mesh.layout is not None:
+        layout, pages = mesh.layout, texture.kept
+        parts = Parts(pages.names, layout.nodes, layout.node_of_face, layout.uv_down)
+        return TexturedMesh(
+            mesh.vertices, mesh.faces, layout.uv_up, np.maximum(layout.faces, 0),
+            pages.page_of_face, texture.pages, units, parts,
+        )  # fmt: skip
     atlas = texture.atlas
     page_of_uv = np.zeros(len(atlas.uv_px), np.intp)
-    page_of_uv[atlas.faces.ravel()] = np.repeat(atlas.page_of_face, 3)
+    page_of_uv[atlas.faces.ravel()] = np.repeat(np.maximum(atlas.page_of_face, 0), 3)
     size = np.array(atlas.page_sizes, float)[page_of_uv]
     uv = atlas.uv_px / size
     uv[:, 1] = 1 - uv[:, 1]
     return TexturedMesh(
-        mesh.vertices, mesh.faces, uv, atlas.faces, atlas.page_of_face, texture.pages,
-        vertex_normals(mesh) if normals else None,
-    )  # fmt: skip
+        mesh.vertices, mesh.faces, uv, atlas.faces, atlas.page_of_face, texture.pages, units
+    )

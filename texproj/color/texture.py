@@ -46,6 +46,7 @@ from texproj.resources.scratch import Scratch
 from texproj.resources.threads import in_parallel, opencv_in_one_thread
 from texproj.unwrap.atlas import Atlas
 from texproj.unwrap.flatten import Regions
+from texproj.unwrap.kept import kept_atlas, kept_pages
 from texproj.unwrap.unwrap import unwrap
 
 ENCODING = np.round(srgb_from_linear(np.arange(65536) / 65535) * 255).astype(np.uint8)
@@ -61,24 +62,28 @@ def color_texture(
     checker: Checker | None = None,
     progress: Progress | None = None,
 ) -> Texture:
-    """Unwrap the mesh and blend all photos into its texture.
+    """Unwrap the mesh, or keep its own layout, and blend all photos into its texture.
 
     photos: each is read once, three times with `options.align`; checker: what a color chart says,
     for absolute colors; progress: called with photos done and photos in all.
     """
     options, unwrap_options = options or ColorOptions(), unwrap_options or UnwrapOptions()
+    kept, note = kept_pages(mesh, unwrap_options)
     found, names = found_alignments(mesh, photos, renderer, options), photos.names
     return_freed_memory()
     with opencv_in_one_thread(), closing(Scratch()) as scratch:
         with ThreadPoolExecutor(1) as beside:
-            regions = beside.submit(Regions.of, mesh, unwrap_options)
+            regions = None if kept else beside.submit(Regions.of, mesh, unwrap_options)
             with renderer.load(mesh) as scene:
                 photos = photos.rendered(scene, scratch)
             renderer.rest()
             density = texels_per_unit(mesh, photos, options)
         trim()
         views = displaced(photos.views(options), found)
-        atlas = unwrap(mesh, density, unwrap_options, regions.result())
+        if kept:
+            atlas = kept_atlas(mesh, kept, density, unwrap_options)
+        else:
+            atlas = unwrap(mesh, density, unwrap_options, regions.result() if regions else None)
         points = TexelPoints.of(mesh, atlas, scratch)
         trim()
         observer = PointObserver(points, len(photos), options.focus_power > 0)
@@ -97,7 +102,8 @@ def color_texture(
     quality = coverage(counts, sum(points.sizes)) | charted | per_alignment(names, found)
     quality |= {"photos": per_photo(names, light, focus, share, failed)}
     quality |= {"lenses": per_lens(names, light), "atlas": asdict(atlas.stats)}
-    return Texture(atlas, tuple(pages), tuple(counts), quality, failed)
+    notes = (note,) if note else ()
+    return Texture(atlas, tuple(pages), tuple(counts), quality, failed, kept, notes)
 
 
 def found_alignments(

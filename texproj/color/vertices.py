@@ -69,4 +69,5 @@ def color_vertices(
     quality = coverage([count], len(count)) | charted | per_alignment(names, found)
     quality |= {"photos": per_photo(names, light, focus, share, failed)}
     quality |= {"lenses": per_lens(names, light)}
-    return VertexColors(fill_vertices(mesh, rgb, weight > 0), weight, count, quality, failed)
+    filled = fill_vertices(mesh, np.sqrt(rgb), weight > 0) ** 2
+    return VertexColors(filled, weight, count, quality, failed)

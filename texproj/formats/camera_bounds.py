@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from texproj.camera import DISTORTION_LENGTHS, Intrinsics, Pose
+from texproj.camera import LENGTHS, Intrinsics, LensModel, Pose
 from texproj.errors import InputError
 
 Array = NDArray[np.float64]
@@ -45,18 +45,20 @@ _POWERS = (2, 4, 1, 1, 6, 2, 4, 6, 1, 3, 1, 3)
 
 
 def checked_intrinsics(
-    width: Any, height: Any, focal: ArrayLike, center: ArrayLike, dist: ArrayLike, where: str
-) -> Intrinsics:
+    width: Any, height: Any, focal: ArrayLike, center: ArrayLike, dist: ArrayLike, where: str,
+    model: LensModel = "perspective",
+) -> Intrinsics:  # fmt: skip
     """The intrinsics that a file states, if a camera can have them.
 
     width, height: whole numbers of pixels of any type; focal: fx, fy or one number for both;
-    center: cx, cy, from the image corner; dist: 0, 4, 5, 8, 12 or 14 of OpenCV's coefficients.
+    center: cx, cy, from the image corner; dist: 0, 4, 5, 8, 12 or 14 of OpenCV's coefficients, 4
+    or 8 of a fisheye.
     Raises InputError that names `where`, the key and its bounds.
     """
     w, h = _side(width, f"{where}: width"), _side(height, f"{where}: height")
     fx, fy = np.broadcast_to(_finite(focal, (1, 2), f"{where}: focal length"), 2).tolist()
     cx, cy = _finite(center, (2,), f"{where}: principal point").tolist()
-    coefficients = tuple(_finite(dist, DISTORTION_LENGTHS, f"{where}: dist").tolist())
+    coefficients = tuple(_finite(dist, LENGTHS[model], f"{where}: dist").tolist())
     longer = max(w, h)
     low, high = (bound * longer for bound in FOCAL_OVER_SIDE)
     if not (low <= fx <= high and low <= fy <= high):
@@ -69,8 +71,12 @@ def checked_intrinsics(
             f"{where}: the principal point {cx:g}, {cy:g} lies more than"
             f" {MOST_CENTER_OFFSET:g} pictures away from a photo of {w} x {h} pixels"
         )
-    _check_distortion(coefficients, np.hypot(w, h) / 2 / min(fx, fy), where)
-    return Intrinsics(w, h, fx, fy, cx, cy, coefficients)
+    corner = np.hypot(w, h) / 2 / min(fx, fy)
+    if model == "fisheye":
+        _check_fisheye(coefficients, where)
+    else:
+        _check_distortion(coefficients, corner, where)
+    return Intrinsics(w, h, fx, fy, cx, cy, coefficients, model)
 
 
 def checked_pose(R: ArrayLike, t: ArrayLike, where: str) -> Pose:
@@ -109,6 +115,16 @@ def _check_distortion(dist: tuple[float, ...], corner: float, where: str) -> Non
     for name, value in zip(_TERMS[12:], dist[12:], strict=False):
         if abs(value) > MOST_TILT_RAD:
             raise InputError(f"{where}: dist: {name} = {value:g} rad; at most {MOST_TILT_RAD}")
+
+
+def _check_fisheye(dist: tuple[float, ...], where: str) -> None:
+    """Refuse what no fisheye does a radian off its axis."""
+    for number, value in enumerate(dist):
+        if abs(value) > MOST_DISTORTION:
+            raise InputError(
+                f"{where}: dist[{number}] = {value:g} of a fisheye; at most {MOST_DISTORTION:g} is"
+                " possible"
+            )
 
 
 def _side(value: Any, where: str) -> int:

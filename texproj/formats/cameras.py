@@ -12,7 +12,7 @@ from typing import Annotated, Any, TypeVar
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
-from texproj.camera import DISTORTION_LENGTHS, Intrinsics, Pose
+from texproj.camera import LENGTHS, Intrinsics, LensModel, Pose
 from texproj.errors import InputError, excerpt
 from texproj.formats.camera_bounds import (
     MOST_SIDE_PX,
@@ -69,6 +69,7 @@ class _Entry(BaseModel):
     status: Status = "registered"
     K: Matrix | None = None
     dist: tuple[FiniteFloat, ...] = (0.0,) * 5
+    model: LensModel = "perspective"
     R: Matrix | None = None
     t: Row | None = None
     method: Method | None = None
@@ -181,6 +182,7 @@ def camera_part(record: CameraRecord) -> dict[str, Any]:
     return {
         "K": None if intrinsics is None else intrinsics.K.tolist(),
         "dist": None if intrinsics is None else list(intrinsics.dist),
+        "model": "fisheye" if intrinsics is not None and intrinsics.is_fisheye else None,
         "R": None if pose is None else pose.R.tolist(),
         "t": None if pose is None else pose.t.tolist(),
     }
@@ -242,13 +244,14 @@ def _intrinsics(where: str, entry: _Entry) -> Intrinsics | None:
         raise InputError(
             f"{where}: K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0"
         )
-    if len(entry.dist) not in DISTORTION_LENGTHS:
+    if len(entry.dist) not in LENGTHS[entry.model]:
         raise InputError(
             f"{where}: dist has {len(entry.dist)} coefficients;"
-            f" one of {', '.join(map(str, DISTORTION_LENGTHS))} is needed"
+            f" one of {', '.join(map(str, LENGTHS[entry.model]))} is needed"
         )
     focal, center = (K[0, 0], K[1, 1]), (K[0, 2], K[1, 2])
-    return checked_intrinsics(entry.width, entry.height, focal, center, entry.dist, where)
+    size = entry.width, entry.height
+    return checked_intrinsics(*size, focal, center, entry.dist, where, entry.model)
 
 
 def _pose(where: str, entry: _Entry) -> Pose | None:

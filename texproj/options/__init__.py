@@ -4,7 +4,7 @@ Command-line flags and project.toml are made from these classes; a flag override
 which overrides the default here.
 """
 
-from texproj.options.base import is_expert, options_from
+from texproj.options.base import is_expert, meanings, options_from
 from texproj.options.color import ColorOptions, OutputOptions, PatchOptions, UnwrapOptions
 from texproj.options.develop import DevelopOptions
 from texproj.options.light import LightOptions
@@ -37,5 +37,6 @@ __all__ = [
     "StructureOptions",
     "UnwrapOptions",
     "is_expert",
+    "meanings",
     "options_from",
 ]

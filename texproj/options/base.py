@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
+import textwrap
 from dataclasses import fields
+from functools import cache
+from itertools import pairwise
 from typing import Annotated, Any, TypeVar
 
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
 from texproj.errors import UsageError, excerpt, nearest_name
 
-STRICT = ConfigDict(extra="forbid", use_attribute_docstrings=True)
+STRICT = ConfigDict(extra="forbid")
 T = TypeVar("T")
 
 EXPERT = object()
@@ -22,6 +27,24 @@ Fraction = Annotated[float, Field(ge=0, le=1)]
 def is_expert(cls: type, name: str) -> bool:
     """Whether an option of `cls` is for experts."""
     return EXPERT in vars(cls)["__pydantic_fields__"][name].metadata
+
+
+@cache
+def meanings(cls: type) -> dict[str, str]:
+    """What each option of `cls` means, in one line: the string below it. Read from the source when
+    somebody asks, because pydantic's own reading costs every command a twelfth of its start.
+    """
+    (definition,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
+    assert isinstance(definition, ast.ClassDef)
+    return {
+        option.target.id: " ".join(text.value.value.split())
+        for option, text in pairwise(definition.body)
+        if isinstance(option, ast.AnnAssign)
+        and isinstance(option.target, ast.Name)
+        and isinstance(text, ast.Expr)
+        and isinstance(text.value, ast.Constant)
+        and isinstance(text.value.value, str)
+    }
 
 
 def options_from(cls: type[T], values: dict[str, Any], where: str) -> T:

@@ -71,17 +71,26 @@ class ColorOptions:
     texels_per_pixel: Annotated[float, Field(gt=0, le=4)] = 1.0
     """Texels along a line per pixel of the photo that shows the surface best."""
 
+    fill: Annotated[Literal["around", "texture"], EXPERT] = "around"
+    """What a texture shows where no photo sees: colors from around it, or the texture that the mesh
+    file brings."""
+
     checker: Annotated[str, Field(min_length=1)] | None = None
     """Photo of a 24-patch color chart that makes the colors absolute: a path in the project."""
 
     bits: Literal[8, 16] = 8
-    """Bits per channel of the obj's images (png or tiff). Other files hold 8, but a glb's vertex
+    """Bits per channel of the obj's images (png, tiff, exr). Other files hold 8, but a glb's vertex
     colors are in floating point."""
 
 
 @dataclass(frozen=True, config=STRICT)
 class UnwrapOptions:
     """How the surface is cut into charts and laid out on the pages of the texture."""
+
+    keep: Literal["auto", "on", "off"] = "auto"
+    """Texture coordinates that the mesh (glb, gltf, obj) brings are the texture's, with materials,
+    tiles and names. "auto": where every face has a place of its own; "on": shared places are
+    painted once, and it is an error to have none; "off": never."""
 
     page_size: Annotated[int, Field(ge=16, le=32768)] = 8192
     """Largest width and height of a page, texels."""
@@ -120,9 +129,14 @@ class OutputOptions:
     """Kinds of model files: auto = glb and obj with a texture, ply with vertex colors (which a glb
     can hold too). usdz holds a texture as png or jpeg, for Apple's viewers and USD."""
 
-    image: Literal["png", "jpeg", "webp", "tiff", "ktx2"] = "png"
-    """Format of the texture's images. tiff is for the obj, ktx2 (made by the program basisu) for
-    the glb: the other model gets png."""
+    faces: tuple[Annotated[int, Field(ge=4)], ...] = ()
+    """A textured model of so many triangles, with the colors and a normal map of the full mesh; of
+    several numbers the first is the model, the others are levels of detail (model_lod1, ...). The
+    normal map is beside the obj, and in a glb with `unlit = false`."""
+
+    image: Literal["png", "jpeg", "webp", "tiff", "exr", "ktx2"] = "png"
+    """Format of the texture's images. tiff and exr (linear light, half precision) are for the obj,
+    ktx2 (made by the program basisu) for the glb: the other model gets png."""
 
     quality: Annotated[int, Field(ge=1, le=100)] = 95
     """Of jpeg and webp; 100 = webp without loss."""

@@ -21,8 +21,9 @@ from watchfiles import awatch
 
 from texproj.errors import InputError, TexprojError, UsageError
 from texproj.preview import work
-from texproj.preview.colors import texture_colors, vertex_colors
+from texproj.preview.colors import base_colors, texture_colors, vertex_colors
 from texproj.preview.door import inside
+from texproj.preview.downloads import DownloadHandlers, downloads
 from texproj.preview.edits import EditHandlers
 from texproj.preview.geometry import pack
 from texproj.preview.jobs import TooManyJobs
@@ -42,6 +43,7 @@ from texproj.preview.picks import (
     parse_picks,
     save_picks,
 )
+from texproj.preview.places import places_facts
 from texproj.preview.proposals import SURE, Guess, proposals
 from texproj.preview.requests import body
 from texproj.preview.security import BodyTooLong, refuse
@@ -95,7 +97,8 @@ def create_app(session: Session) -> Starlette:
         HTTPException: on_http_error,
         Exception: on_fault,
     }
-    routes = [*handlers.routes(), *EditHandlers(session).routes()]
+    more = [*EditHandlers(session).routes(), *DownloadHandlers(session).routes()]
+    routes = [*handlers.routes(), *more]
     app = Starlette(routes=routes, lifespan=lifespan, exception_handlers=errors)
     app.state.session = session
     return app
@@ -119,11 +122,14 @@ class Handlers:
             Route("/api/mesh/{level}", self.mesh),
             Route("/api/colors", self.colors),
             Route("/api/colors/light", self.light_colors),
+            Route("/api/colors/base", self.base_colors),
+            Route("/api/lights", self.lights),
             Route("/api/colors/mean", self.mean_colors),
             Route("/api/layers/{layer}", self.layer),
             Route("/api/models/{name}", self.model),
             Route("/report", self.report),
             Route("/api/hit", self.hit, methods=["POST"]),
+            Route("/api/places", self.places),
             Route("/api/jobs", self.start_job, methods=["POST"]),
             Route("/api/jobs/{number:int}", self.cancel_job, methods=["DELETE"]),
             Route(f"{photo}/image", self.image),
@@ -149,7 +155,12 @@ class Handlers:
         return FileResponse(self.bundle / name, media_type=BUNDLE[name], headers=headers)
 
     def project(self, _: Request) -> Response:
-        return JSONResponse(self.session.facts())
+        facts = self.session.facts()
+        return JSONResponse({**facts, "downloads": downloads(self.session.project)})
+
+    def places(self, _: Request) -> Response:
+        inside(self.session.project.work / "block", self.session.root)
+        return JSONResponse(places_facts(self.session))
 
     async def events(self, _: Request) -> Response:
         hello = {"jobs": [job.as_dict() for job in self.session.jobs.active]}
@@ -174,6 +185,18 @@ class Handlers:
         key = ["light colors", surface.key, stamp(project.out / "model.glb")]
         rgba = self.session.kept(key, lambda: texture_colors(project, surface))
         return Response(pack({"rgba": rgba}), media_type=BINARY)
+
+    def base_colors(self, _: Request) -> Response:
+        """The surface without the light of the photos."""
+        inside(self.session.project.out / "appearance.ply", self.session.root)
+        rgba = base_colors(self.session.project, self.session.surface)
+        return Response(pack({"rgba": rgba}), media_type=BINARY)
+
+    def lights(self, _: Request) -> Response:
+        from texproj.preview.lights import lights  # noqa: PLC0415 - slow to import
+
+        inside(self.session.project.out / "light.json", self.session.root)
+        return JSONResponse(lights(self.session.project, self.session.surface))
 
     async def mean_colors(self, _: Request) -> Response:
         """The plain mean of all photos on the vertices: doubled edges show what is off."""
@@ -218,7 +241,7 @@ class Handlers:
 
     async def start_job(self, request: Request) -> Response:
         data = await body(request)
-        job = work.start(self.session, data.get("kind"), data.get("photo"))
+        job = work.start(self.session, data)
         return JSONResponse(job.as_dict(), status_code=202)
 
     def cancel_job(self, request: Request) -> Response:

@@ -28,6 +28,8 @@ WEAK_PX = 2.0
 
 MIN_PICKS = 8
 """What registers a photo of an unknown lens; 4 are enough only where the lens is known."""
+ADVISED = f"pick {MIN_PICKS} points"
+"""A reason that says so needs no advice."""
 
 
 def photo_facts(project: Project, name: str, record: CameraRecord | None) -> dict[str, Any]:
@@ -69,7 +71,8 @@ def record_facts(record: CameraRecord, picks: int) -> dict[str, Any]:
     if record.camera is not None:
         facts["camera"] = camera_facts(record.camera)
     if record.status == "failed" or weak:
-        facts["advice"] = start_advice(picks)
+        told = picks == 0 and ADVISED in facts["reason"]
+        facts["advice"] = "" if told else start_advice(picks)
     elif record.status == "prior":
         facts["reason"] = facts["reason"] or "an approximate camera, not registered yet"
         facts["advice"] = f"Make the model, or pick {MIN_PICKS} points."
@@ -86,6 +89,7 @@ def camera_facts(camera: Camera) -> dict[str, Any]:
         "f": [k.fx, k.fy],
         "c": [k.cx, k.cy],
         "dist": list(k.dist),
+        "model": k.model,
         "max_radius": radius if np.isfinite(radius) else None,
         "R": pose.R.tolist(),
         "t": pose.t.tolist(),

@@ -39,6 +39,7 @@ LOG = logging.getLogger("texproj.preview")
 MODEL_FILES = {
     "model.ply": "application/octet-stream",
     "model.glb": "model/gltf-binary",
+    "appearance.ply": "application/octet-stream",
 }
 """What the page may fetch from out/, and as what."""
 
@@ -227,7 +228,9 @@ def shown_stamp(path: Path, root: Path) -> str | None:
 
 
 WATCHED = ("correspondences", "out", "photos", "mesh", "masks", "cameras.json", "project.toml")
-"""What of a project folder the page wants to hear about, by the first part of its path."""
+"""What of a project folder the page wants to hear about, by the first part of its path ..."""
+PLACES = ("work/block/now.json", "work/block/places.json")
+"""... and of what is kept in work/."""
 
 
 def shown(path: str, root: Path) -> str | None:
@@ -239,4 +242,6 @@ def shown(path: str, root: Path) -> str | None:
     except ValueError:
         return Path(path).name
     hidden = any(part.startswith(STAGING_PREFIX) for part in parts)
-    return "/".join(parts) if parts and parts[0] in WATCHED and not hidden else None
+    name = "/".join(parts)
+    wanted = name in PLACES or (bool(parts) and parts[0] in WATCHED)
+    return name if wanted and not hidden else None

@@ -10,12 +10,17 @@ from pydantic import TypeAdapter
 
 from texproj.editing.toml import Change, settings_text, settings_version
 from texproj.errors import UsageError
-from texproj.options import is_expert
+from texproj.options import is_expert, meanings
 from texproj.project import Project
 from texproj.settings import SECTIONS
 
 NOT_HERE = ("preview",)
 """Tables that the page does not change: it is served by them, and who may reach it."""
+
+WHOLE = ("light",)
+"""Tables of which the settings for experts are here too: there are few, and no flags for them."""
+KINDS = ("string", "boolean", "integer", "number")
+"""Types of settings for which there is a field; several of a few are one, too."""
 
 MOST_CHANGES = 100
 
@@ -41,15 +46,21 @@ def _options(project: Project, table: str, given: dict[str, Any]) -> list[dict[s
     return [
         {
             "key": key,
-            "help": told.get("description", "").replace("\n", " "),
+            "help": meanings(cls)[key],
             "value": _plain(getattr(values, key)),
             "default": _plain(told.get("default")),
             "given": key in given.get(table, {}),
             **_kind(told),
         }
         for key, told in schema.items()
-        if not is_expert(cls, key)
+        if (table in WHOLE or not is_expert(cls, key)) and _is_field(told)
     ]
+
+
+def _is_field(told: dict[str, Any]) -> bool:
+    """Whether the form has a field for an option; a place in space has none."""
+    kinds = [part for part in told.get("anyOf", [told]) if part.get("type") != "null"]
+    return all(p.get("type") in KINDS or "enum" in p.get("items", p) for p in kinds)
 
 
 def _plain(value: Any) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -24,6 +25,7 @@ from texproj.preview.picks import SavedPicks
 from texproj.preview.session import Session, stamp
 from texproj.project import Project
 from texproj.stages.bench import Workbench
+from texproj.stages.choosing import NONE_OF_THEM, choose
 from texproj.stages.methods import AUTO
 from texproj.stages.progress import Cancelled, Progress
 from texproj.stages.registering import register_photos
@@ -35,9 +37,15 @@ TOGETHER = (("coverage", "source"), FACTORS)
 """Layers that one job makes."""
 
 
-def start(session: Session, kind: Any, photo: Any) -> Job:
-    """Queue one of: solve (one photo from its picks), register, color, run. Raises UsageError."""
+def start(session: Session, data: Mapping[str, Any]) -> Job:
+    """Queue one of: solve (one photo from its picks), place (all photos where somebody said),
+    register, color, run. Raises UsageError.
+    """
+    kind = data.get("kind")
+    if kind == "place":
+        return _start_place(session, data.get("place"))
     if kind == "solve":
+        photo = data.get("photo")
         name = photo if isinstance(photo, str) else ""
         session.project.photo_path(name)
 
@@ -46,9 +54,27 @@ def start(session: Session, kind: Any, photo: Any) -> Job:
 
         return session.start(kind, f"Solve {name}", solve, name)[0]
     if not isinstance(kind, str) or kind not in STAGES:
-        raise UsageError(f"unknown work {excerpt(kind)} (known: solve, {', '.join(STAGES)})")
+        known = ", ".join(["solve", "place", *STAGES])
+        raise UsageError(f"unknown work {excerpt(kind)} (known: {known})")
     title, stage = STAGES[kind]
     return session.start(kind, title, stage)[0]
+
+
+def _start_place(session: Session, number: Any) -> Job:
+    """Queue saying which of several places is right, and all that follows from it."""
+    if number is not None and type(number) is not int:
+        raise UsageError("a place is a number, or null where nobody knows")
+
+    def place(bench: Workbench, progress: Progress) -> str:
+        choose(bench.project, number)
+        if number is None:
+            return "Choose again."
+        if number == NONE_OF_THEM:
+            return "None of the places is right. Pick 8 points in one photo."
+        return _run(bench, progress)
+
+    title = "Make the model" if number else "Choose the place"
+    return session.start("place", title, place, str(number))[0]
 
 
 def _solve(bench: Workbench, name: str, progress: Progress) -> str:
@@ -89,7 +115,25 @@ def _run(bench: Workbench, progress: Progress) -> str:
     return f"The model is made from {used} of {len(outcome.photos)} photos{left}."
 
 
+def _appearance(bench: Workbench, progress: Progress) -> str:
+    from texproj.stages.appearing import appearance_project  # noqa: PLC0415 - slow to import
+
+    light = appearance_project(bench, progress).light
+    if not light["accepted"]:
+        return f"The light was not taken out: {light['reason']}"
+    return "The light of the photos is taken out."
+
+
+def _turntable(bench: Workbench, progress: Progress) -> str:
+    from texproj.stages.turning import TurntableOptions, turn_project  # noqa: PLC0415
+
+    notes = turn_project(bench, TurntableOptions(), progress).notes
+    return "; ".join(["The film is made: download it under Model", *notes]) + "."
+
+
 STAGES = {
+    "appearance": ("Take out the light", _appearance),
+    "turntable": ("Film the model", _turntable),
     "register": ("Register photos", _register),
     "color": ("Color model", _color),
     "run": ("Make the model", _run),

@@ -4,12 +4,13 @@ from texproj.render.context import open_renderer
 from texproj.render.gbuffer import CHANNELS, GBuffer
 from texproj.render.interface import Render, Renderer, Scene
 from texproj.render.lens import ideal_grid, pinhole_cover
-from texproj.render.model import model_pictures, render_model
+from texproj.render.model import ModelLook, model_pictures, render_model
 from texproj.render.occlusion import ambient_occlusion
 
 __all__ = [
     "CHANNELS",
     "GBuffer",
+    "ModelLook",
     "Render",
     "Renderer",
     "Scene",

@@ -33,12 +33,22 @@ def clip_from_cam(k: Intrinsics, tile: Tile, near: float, far: float) -> Array:
 
 def lens_block(k: Intrinsics) -> bytes:
     """`include/lens.glsl` for a photo's distortion."""
-    dist = (*k.dist, *(0.0,) * 14)[:14]
+    dist = _fourteen(k)
     tilt = np.eye(4)
     tilt[:3, :3] = _tilt(dist[12], dist[13])
-    limit = min(1.05 * ideal_radius(k), 0.999 * k.max_radius)
-    values = [*dist[:12], *tilt.T.ravel(), limit, 0, 0, 0]
+    limit = 0.999 * k.max_radius
+    if not k.is_fisheye:
+        limit = min(1.05 * ideal_radius(k), limit)
+    values = [*dist[:12], *tilt.T.ravel(), limit, float(k.is_fisheye), 0, 0]
     return np.array(values, np.float32).tobytes()
+
+
+def _fourteen(k: Intrinsics) -> tuple[float, ...]:
+    """The coefficients as the shader names them: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 and tilt."""
+    if not k.is_fisheye:
+        return (*k.dist, *(0.0,) * 14)[:14]
+    k1, k2, k3, k4, p1, p2, s1, s3 = (*k.dist, *(0.0,) * 4)[:8]
+    return (k1, k2, p1, p2, k3, k4, 0.0, 0.0, s1, 0.0, s3, 0.0, 0.0, 0.0)
 
 
 def _tilt(x: float, y: float) -> Array:

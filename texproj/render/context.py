@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-import moderngl
-
 from texproj.errors import RenderError
 from texproj.options import RenderOptions
-from texproj.render.gl import GLRenderer
 from texproj.render.interface import Renderer
 from texproj.render.rays import CPURenderer
 
@@ -26,6 +23,8 @@ def open_renderer(options: RenderOptions | None = None) -> Renderer:
         return CPURenderer()
     ctx, reason = _gl_context()
     if ctx is not None:
+        from texproj.render.gl import GLRenderer  # noqa: PLC0415 - slow to load
+
         return GLRenderer(ctx, remake=_gl_context_again)
     if wanted == "gl":
         raise RenderError(
@@ -43,6 +42,8 @@ def _gl_context_again() -> Any:
 
 def _gl_context() -> tuple[Any | None, str]:
     """A context of OpenGL 3.3 or newer, by EGL or else by the platform's own way, or the reason."""
+    import moderngl  # noqa: PLC0415 - slow to load
+
     reasons = []
     ways: tuple[dict[str, Any], ...] = ({"backend": "egl"}, {})
     for how in ways:

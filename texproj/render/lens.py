@@ -19,6 +19,9 @@ NODES = 48
 SPLINE_TOLERANCE_PX = 0.01
 """Where the spline through the nodes is worse than this, every pixel is solved for."""
 
+TABLE = 20_001
+"""Entries of the table of a radial function: linear between them, exact to 1e-7."""
+
 MARGIN_PX = 2
 """Border of the covering picture around the outermost ray."""
 
@@ -42,7 +45,12 @@ def ideal_grid(intrinsics: Intrinsics) -> NDArray[np.float32]:
     k = intrinsics
     x = np.arange(k.width, dtype=np.float64) + 0.5
     y = np.arange(k.height, dtype=np.float64) + 0.5
-    exact = _spline(k, x, y) if k.distorted else _separable(k, x, y)
+    if not k.distorted:
+        exact: Array | None = _separable(k, x, y)
+    elif k.is_fisheye and not any(k.dist[4:]):
+        exact = _radial(k, x, y)
+    else:
+        exact = _spline(k, x, y)
     grid = (_undistorted(k, x, y) if exact is None else exact).astype(np.float32)
     grid.flags.writeable = False
     return grid
@@ -81,22 +89,23 @@ def fills_photo(k: Intrinsics) -> bool:
 
 def straight_span(k: Intrinsics, sag_px: float) -> float:
     """Angle (rad) up to which the picture of a straight edge strays by less than `sag_px`."""
-    stretch = 1 + ideal_radius(k) ** 2  # normalized image units per angle, at the corner
-    return float(np.sqrt(8 * sag_px / max(bend(k) * max(k.fx, k.fy), 1e-30)) / stretch)
+    return float(np.sqrt(8 * sag_px / max(bend(k) * max(k.fx, k.fy), 1e-30)))
 
 
 @lru_cache(maxsize=32)
 def bend(k: Intrinsics) -> float:
-    """Largest second derivative of the distortion in the photo, per unit of normalized image.
+    """Largest second derivative of the distortion in the photo, per squared angle (rad^-2).
 
-    A straight edge that spans `a` normalized units strays at most ``a^2 bend / 8`` from the
-    straight line between its distorted ends. Central differences.
+    A straight edge that spans the angle `a` strays at most ``a^2 bend / 8`` normalized units from
+    the straight line between its distorted ends. Central differences; an angle spans at most
+    1 + r^2 units of the ideal image at its radius r.
     """
     xy, h = _node_rays(k), 1e-3
     sides = [xy + h * np.array([np.cos(t), np.sin(t)]) * s for t in DIRECTIONS for s in (-1, 1)]
     around = np.stack([k.distort(side) for side in sides]).reshape(len(DIRECTIONS), 2, -1, 2)
     second = (around.sum(axis=1) - 2 * k.distort(xy)) / h**2
-    return float(np.nanmax(np.linalg.norm(second, axis=-1), initial=0))
+    units_per_rad = 1 + np.einsum("ij,ij->i", xy, xy)
+    return float(np.nanmax(np.linalg.norm(second, axis=-1) * units_per_rad**2, initial=0))
 
 
 @lru_cache(maxsize=32)
@@ -127,6 +136,20 @@ def _density(k: Intrinsics, ideal: Array) -> float:
 
 def _separable(k: Intrinsics, x: Array, y: Array) -> Array:
     return np.stack(np.meshgrid((x - k.cx) / k.fx, (y - k.cy) / k.fy), axis=-1)
+
+
+def _radial(k: Intrinsics, x: Array, y: Array) -> Array:
+    """The grid of a fisheye with radial terms alone, by a table of its one function."""
+    widest = k.distort(np.array([[k.max_radius * (1 - 1e-12), 0.0]]))[0, 0]
+    bent = np.linspace(0, widest, TABLE)
+    ideal = k.undistort(np.stack([bent, np.zeros(TABLE)], axis=1))[:, 0]
+    factor = np.append(np.divide(ideal, bent, out=np.ones(TABLE), where=bent > 0), np.nan)
+    grid = _separable(k, x, y)
+    place = np.hypot(grid[..., 0], grid[..., 1]) * ((TABLE - 1) / widest)
+    before = np.minimum(place, TABLE - 1).astype(np.int32)
+    place -= before
+    grid *= (factor[before] * (1 - place) + factor[before + 1] * place)[..., None]
+    return grid
 
 
 def _undistorted(k: Intrinsics, x: Array, y: Array) -> Array:

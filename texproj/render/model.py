@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
@@ -12,17 +11,43 @@ from numpy.typing import NDArray
 
 from texproj.arrays import Bytes, Floats
 from texproj.camera import Camera
-from texproj.mesh import ColoredMesh, Mesh, TexturedMesh, face_cross
-from texproj.photo import linear_from_srgb, srgb_from_linear
-from texproj.render.interface import Renderer
+from texproj.mesh import ColoredMesh, Mesh, TexturedMesh
+from texproj.photo import srgb_from_linear
+from texproj.render.interface import Renderer, Scene
 from texproj.render.lens import ideal_grid
-from texproj.render.surface import Hits, Surface, hits_on_faces, values_at_hits
+from texproj.render.mipmaps import Footprint, Mipmaps, linear_table
+from texproj.resources.threads import in_parallel
 
 NO_TEXTURE = 0.2
 """Linear grey of faces without texture."""
 
-WHITE = np.float32(65535)
-"""Linear 1 in mipmaps."""
+STRIP = 1 << 17
+"""Rays that are shaded at once: fits a processor's cache, and bounds the memory to 50 MB."""
+
+Paint = Callable[["Met"], Floats]
+"""(n, 3) linear colors of the model where rays meet it."""
+
+
+@dataclass(frozen=True)
+class ModelLook:
+    """How a model is shown. samples: rays per pixel along each axis, averaged in linear light;
+    backs: linear grey of the inner sides of faces, None = their color, as in usual viewers.
+    """
+
+    samples: int = 2
+    backs: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Met:
+    """Where rays meet faces. face: (n,) int32; weights: (n, 3) of its corners; covered: (n,) area
+    of a pixel on the face as part of the face's; outside: (n,) bool, seen from its outer side.
+    """
+
+    face: NDArray[np.int32]
+    weights: Floats
+    covered: Floats
+    outside: NDArray[np.bool_]
 
 
 def render_model(
@@ -34,39 +59,102 @@ def render_model(
     texels that a pixel covers on its face. samples: rays per pixel along each axis, averaged in
     linear light; alpha is the part of them that meets the model.
     """
-    return next(model_pictures(renderer, model, [camera], samples))
+    return next(model_pictures(renderer, model, [camera], ModelLook(samples)))
 
 
 def model_pictures(
     renderer: Renderer,
     model: TexturedMesh | ColoredMesh,
     cameras: Iterable[Camera],
-    samples: int = 2,
+    look: ModelLook | None = None,
 ) -> Iterator[Bytes]:
-    """The same from several cameras, one after the other; the mesh is loaded once."""
-    surface = Surface(Mesh(model.vertices, model.faces))
-    with renderer.load(surface.mesh) as scene:
+    """The same from several cameras, one after the other; mesh and texture are loaded once."""
+    paint = paint_of(model)
+    with renderer.load(Mesh(model.vertices, model.faces)) as scene:
         for camera in cameras:
-            fine = camera.resized(camera.width * samples, camera.height * samples)
-            face = scene.gbuffer(fine, ("face",)).require("face")
-            ideal = ideal_grid(fine.intrinsics).reshape(-1, 2)
-            hits = hits_on_faces(surface, fine, ideal, face.ravel())
-            if isinstance(model, TexturedMesh):
-                color = _texture_at(model, surface, fine, hits)
-            else:
-                color = values_at_hits(surface, hits, _linear(model.colors[:, :3]))
-            seen = (hits.face >= 0).astype(np.float32)
-            layers = np.concatenate([color * seen[:, None], seen[:, None]], axis=1)
-            layers = layers.reshape(fine.height, fine.width, 4)
-            size = (camera.width, camera.height)
-            yield _encoded(cv2.resize(layers, size, interpolation=cv2.INTER_AREA))
+            yield _picture(scene, paint, camera, look or ModelLook())
 
 
-def _linear(encoded: NDArray[Any]) -> Floats:
-    """Linear light, 0..1, of sRGB-encoded uint8 or uint16, through a table."""
-    top = np.iinfo(encoded.dtype).max
-    table = linear_from_srgb(np.arange(top + 1) / top).astype(np.float32)
-    return table[encoded]
+def _picture(scene: Scene, paint: Paint, camera: Camera, look: ModelLook) -> Bytes:
+    def shade(met: Met) -> Floats:
+        color = paint(met)
+        if look.backs is not None:
+            color[~met.outside] = look.backs
+        return color
+
+    out = np.zeros((camera.height, camera.width, 4), np.uint8)
+
+    def keep(rows: slice, layers: Floats) -> None:
+        out[rows] = _encoded(layers)
+
+    draw(scene, shade, camera, look.samples, keep)
+    return out
+
+
+def draw(
+    scene: Scene,
+    shade: Paint,
+    camera: Camera,
+    samples: int,
+    keep: Callable[[slice, Floats], None],
+) -> None:
+    """Draw a picture strip by strip, in threads. shade: the color of what rays meet; keep: takes
+    rows of the picture, (h, w, 4) linear colors times alpha, and alpha.
+    """
+    fine = camera.resized(camera.width * samples, camera.height * samples)
+    face, ideal = scene.gbuffer(fine, ("face",)).require("face"), ideal_grid(fine.intrinsics)
+    surface = scene.surface
+    matrix = surface.cam_from_local(fine).astype(np.float32)
+    xyz_in_cam = surface.xyz_in_local @ matrix[:, :3].T + matrix[:, 3]
+    pixel = 1 / (fine.intrinsics.fx * fine.intrinsics.fy)
+    step = max(1, STRIP // (fine.width * samples))
+
+    def one(number: int) -> None:
+        rows = slice(number * step, min((number + 1) * step, camera.height))
+        part = slice(rows.start * samples, rows.stop * samples)
+        seen = face[part] >= 0
+        if not seen.any():
+            return
+        met = meet(xyz_in_cam[surface.mesh.faces[face[part][seen]]], ideal[part][seen], pixel)
+        met = Met(face[part][seen], met.weights, met.covered, met.outside)
+        layers = np.zeros((*seen.shape, 4), np.float32)
+        layers[seen, :3], layers[seen, 3] = shade(met), 1
+        size = (camera.width, rows.stop - rows.start)
+        keep(rows, cv2.resize(layers, size, interpolation=cv2.INTER_AREA))
+
+    in_parallel(one, range(-(-camera.height // step)))
+
+
+def meet(corners: Floats, ideal: Floats, pixel: float) -> Met:
+    """Where rays through `ideal` (n, 2) normalized coordinates meet the faces drawn there, whose
+    `corners` (n, 3, 3) are in camera axes; face is left empty. pixel: area of one in `ideal`.
+
+    A ray that rounding led just past its face meets the nearest end of it in barycentric
+    coordinates. Moeller and Trumbore 1997.
+    """
+    a, b, c = (np.ascontiguousarray(corners[:, k]) for k in range(3))
+    along, across = b - a, c - a
+    ray = np.column_stack([ideal, np.ones(len(ideal), np.float32)])
+    normal = _cross(along, across)
+    facing = np.einsum("ij,ij->i", normal, ray)  # |normal| times cosine, of a ray with z = 1
+    moment = _cross(ray, a)
+    det = np.where(facing == 0, np.float32(np.inf), facing)
+    u = -np.einsum("ij,ij->i", moment, across) / det
+    v = np.einsum("ij,ij->i", moment, along) / det
+    weights = np.maximum(np.stack([1 - u - v, u, v], axis=1), 0)
+    weights /= weights.sum(axis=1, keepdims=True)
+    depth = np.einsum("ij,ij->i", weights, corners[:, :, 2])
+    # a pixel covers depth^2 pixel across the axis, and 1 / cosine more along the surface
+    covered = 2 * pixel * depth**2 / np.maximum(np.abs(facing), np.float32(1e-30))
+    outside = np.einsum("ij,ij->i", normal, a) < 0
+    return Met(np.zeros(0, np.int32), weights, covered, outside)
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    """(n, 3) cross products; several times faster than numpy's."""
+    x, y, z = a.T
+    p, q, r = b.T
+    return np.stack([y * r - z * q, z * p - x * r, x * q - y * p], axis=1)
 
 
 def _encoded(layers: Floats) -> Bytes:
@@ -77,91 +165,37 @@ def _encoded(layers: Floats) -> Bytes:
     return np.round(255 * image).astype(np.uint8)
 
 
-@dataclass(frozen=True, eq=False)
-class Footprint:
-    """Where pixels lie on the texture: x, y (n,) from its top left corner as parts of its size, and
-    area (n,) the part of the page that one pixel covers.
-    """
-
-    x: Floats
-    y: Floats
-    area: Floats
+def paint_of(model: TexturedMesh | ColoredMesh) -> Paint:
+    """The colors of a model."""
+    return _textured(model) if isinstance(model, TexturedMesh) else _colored(model)
 
 
-def _texture_at(model: TexturedMesh, surface: Surface, camera: Camera, hits: Hits) -> Floats:
-    """(n, 3) linear color of the texture where the hits are; one page in memory at a time."""
-    color = np.full((len(hits.face), 3), NO_TEXTURE, np.float32)
-    seen = np.flatnonzero(hits.face >= 0)
-    footprint = _footprint(model, surface, camera, hits, seen)
-    page_of_hit = model.page_of_face[hits.face[seen]]
-    for number, page in enumerate(model.pages):
-        here = np.flatnonzero(page_of_hit == number)
-        if len(here):
-            part = Footprint(footprint.x[here], footprint.y[here], footprint.area[here])
-            color[seen[here]] = _sampled(page[..., :3], part)
-    return color
+def _colored(model: ColoredMesh) -> Paint:
+    linear = linear_table(model.colors.dtype)[model.colors[:, :3]]
+
+    def paint(met: Met) -> Floats:
+        corners = linear[model.faces[met.face]]
+        mixed: Floats = np.einsum("nk,nkc->nc", met.weights, corners)
+        return mixed
+
+    return paint
 
 
-def _footprint(
-    model: TexturedMesh, surface: Surface, camera: Camera, hits: Hits, seen: NDArray[np.intp]
-) -> Footprint:
-    face, u, v = hits.face[seen], hits.u[seen, None], hits.v[seen, None]
-    a, b, c = (model.uv[model.uv_faces[face, i]].astype(np.float32) for i in range(3))
-    at = (1 - u - v) * a + u * b + v * c
-    (p, q), (r, s) = (b - a).T, (c - a).T
-    cross = face_cross(surface.xyz_in_local, surface.mesh.faces)[face]
-    to_hit = surface.rays(camera, ideal_grid(camera.intrinsics).reshape(-1, 2)[seen])
-    # a pixel covers depth^2 / (fx fy) across the axis, and 1 / cosine more along the surface:
-    # |n . ray| with ray_z = 1 is the cosine in that frame
-    facing = np.abs(np.einsum("ij,ij->i", cross, to_hit))
-    size = hits.depth[seen] ** 2 / (camera.intrinsics.fx * camera.intrinsics.fy)
-    per_area = np.abs(p * s - q * r) / np.maximum(facing, 1e-30)
-    return Footprint(at[:, 0], 1 - at[:, 1], (per_area * size).astype(np.float32))
+def _textured(model: TexturedMesh) -> Paint:
+    uv = (model.uv * (1, -1) + (0, 1)).astype(np.float32)
+    (p, q), (r, s) = ((uv[model.uv_faces[:, k]] - uv[model.uv_faces[:, 0]]).T for k in (1, 2))
+    area_of_face = np.abs(p * s - q * r) / 2
+    pages = [Mipmaps(page) for page in model.pages]
 
+    def paint(met: Met) -> Floats:
+        x, y = np.einsum("nk,nkc->cn", met.weights, uv[model.uv_faces[met.face]])
+        place = Footprint(x, y, met.covered * area_of_face[met.face])
+        color = np.full((len(x), 3), NO_TEXTURE, np.float32)
+        page_of_ray = model.page_of_face[met.face]
+        for number, page in enumerate(pages):
+            here = np.flatnonzero(page_of_ray == number)
+            if len(here):
+                color[here] = page.at(place.chosen(here))
+        return color
 
-def _sampled(page: NDArray[Any], at: Footprint) -> Floats:
-    """(n, 3) linear color of a page, trilinear between its mipmap levels."""
-    texels = np.maximum(at.area * page.shape[0] * page.shape[1], 1.0)
-    level = np.log2(texels) / 2
-    color = np.zeros((len(level), 3), np.float32)
-    for number, image, last in _mipmaps(page):
-        weight = 1 - np.abs(level - number)
-        if last:
-            weight = np.where(level > number, 1, weight)
-        here = np.flatnonzero(weight > 0)
-        if len(here):
-            color[here] += weight[here, None] * _bilinear(image, at.x[here], at.y[here])
-    return color
-
-
-def _mipmaps(page: NDArray[Any]) -> Iterator[tuple[int, NDArray[np.uint16], bool]]:
-    """(number, (h, w, 3) image, whether it is the last) of each level, halved each time.
-
-    Images are uint16 in linear light, which keeps 20 steps in the darkest one of 8-bit sRGB.
-    """
-    table = np.round(_linear(np.arange(np.iinfo(page.dtype).max + 1, dtype=page.dtype)) * WHITE)
-    coded = np.ascontiguousarray(page)
-    small = table.astype(np.uint16)
-    image, number = cv2.LUT(coded, small) if coded.itemsize == 1 else small[coded], 0
-    while True:
-        last = min(image.shape[:2]) < 2
-        yield number, image, last
-        if last:
-            return
-        half = (image.shape[1] // 2, image.shape[0] // 2)
-        image, number = cv2.resize(image, half, interpolation=cv2.INTER_AREA), number + 1
-
-
-def _bilinear(image: NDArray[np.uint16], x: Floats, y: Floats) -> Floats:
-    """(n, 3) values, 0..1, at x, y (n,), parts of the image's width and height; clamped at the
-    border.
-    """
-    height, width = image.shape[:2]
-    column = np.clip(x * width - 0.5, 0, width - 1)
-    row = np.clip(y * height - 0.5, 0, height - 1)
-    left, top = np.floor(column).astype(np.intp), np.floor(row).astype(np.intp)
-    right, below = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
-    fx, fy = (column - left)[:, None] / WHITE, (row - top)[:, None]
-    upper = (1 / WHITE - fx) * image[top, left] + fx * image[top, right]
-    lower = (1 / WHITE - fx) * image[below, left] + fx * image[below, right]
-    return ((1 - fy) * upper + fy * lower).astype(np.float32)
+    return paint

@@ -91,29 +91,6 @@ class Hits:
     v: Floats
 
 
-def hits_on_faces(surface: Surface, camera: Camera, ideal: Floats, face: NDArray[np.int32]) -> Hits:
-    """Where the rays through `ideal` (n, 2) normalized coordinates meet the faces drawn there.
-
-    A ray that rounding led just past its face meets the nearest end of it in barycentric
-    coordinates. Moeller and Trumbore 1997, in camera axes.
-    """
-    matrix = surface.cam_from_local(camera).astype(np.float32)
-    xyz_in_cam = surface.xyz_in_local @ matrix[:, :3].T + matrix[:, 3]
-    seen = np.flatnonzero(face >= 0)
-    a, b, c = (xyz_in_cam[surface.mesh.faces[face[seen], i]] for i in range(3))
-    ray = np.concatenate([ideal[seen], np.ones((len(seen), 1), np.float32)], axis=1)
-    p: Floats = np.cross(ray, c - a)
-    det = np.einsum("ij,ij->i", b - a, p)
-    det = np.where(det == 0, np.float32(np.inf), det)
-    u = np.einsum("ij,ij->i", -a, p) / det
-    v = np.einsum("ij,ij->i", ray, np.cross(-a, b - a)) / det
-    w, u, v = (np.maximum(x, 0) for x in (1 - u - v, u, v))
-    u, v = u / (u + v + w), v / (u + v + w)
-    out = np.full((3, len(face)), np.inf, np.float32)
-    out[:, seen] = (1 - u - v) * a[:, 2] + u * b[:, 2] + v * c[:, 2], u, v
-    return Hits(face, *out)
-
-
 def images_of_hits(
     surface: Surface, camera: Camera, hits: Hits, channels: tuple[str, ...]
 ) -> dict[str, NDArray[Any]]:

@@ -10,11 +10,10 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
 from numpy.typing import NDArray
 
 from texproj.formats.jpeg import jpeg_bytes
+from texproj.report.words import details, light_of, shared_notes
 
 JPEG_QUALITY = 82
 
@@ -33,6 +32,9 @@ class Pictures:
 
 def page(facts: Mapping[str, Any], shown: Pictures) -> str:
     """The HTML of a report."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # noqa: PLC0415 - slow to load
+    from markupsafe import Markup  # noqa: PLC0415 - comes with it
+
     environment = Environment(
         loader=PackageLoader("texproj.report"),
         autoescape=True,
@@ -40,6 +42,7 @@ def page(facts: Mapping[str, Any], shown: Pictures) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters |= {"light_of": light_of, "digits": "{:.2g}".format}
     photos = sorted(facts["photos"], key=_worst_first)
     template = environment.get_template("report.html")
     viewer = _viewer()
@@ -48,6 +51,8 @@ def page(facts: Mapping[str, Any], shown: Pictures) -> str:
         photos=photos,
         shown=shown,
         colors=_colors(facts),
+        details=details((facts["color"] or {}).get("quality", {})),
+        shared_notes=shared_notes(facts["photos"]),
         viewer=Markup(viewer),
         packed=json.dumps(shown.model).replace("<", "\\u003c") if viewer and shown.model else "",
     )

@@ -15,6 +15,9 @@ from texproj.arrays import Doubles
 from texproj.camera import Camera, Intrinsics
 
 DISTORTION_NAMES = ("k1", "k2", "p1", "p2", "k3")
+FISHEYE_NAMES = ("k1", "k2", "k3", "k4", "p1", "p2")
+DIFFERENCE = 1e-6
+"""Step of central differences: of ideal coordinates, logarithms, pixels and coefficients."""
 INTRINSIC_NAMES = ("focal", "aspect", "cx", "cy", *DISTORTION_NAMES)
 """focal: log of fx and fy together; aspect: log of fy / fx at fixed fx; cx, cy: pixels."""
 
@@ -80,14 +83,46 @@ def projection_jacobian(
     xyz = camera.pose.apply(xyz_in_world)
     behind = ~(xyz[:, 2] > 0)
     xyz[behind] = (0, 0, 1)
+    if k.is_fisheye:
+        out = _fisheye_jacobian(k, xyz, free)
+        out[behind | ~np.isfinite(out).all(axis=(1, 2))] = 0
+        return out
     dist = np.zeros(max(5, len(k.dist)))
     dist[: len(k.dist)] = k.dist
     zero = np.zeros(3)
     every = cv2.projectPoints(xyz, zero, zero, k.K, dist)[1].reshape(len(xyz), 2, -1)
     columns = [every[:, :, :6]] + [_intrinsic_column(every, k, name)[..., None] for name in free]
-    out: Doubles = np.concatenate(columns, axis=2)
+    out = np.concatenate(columns, axis=2)
     out[behind] = 0
     return out
+
+
+def _fisheye_jacobian(k: Intrinsics, xyz: Doubles, free: tuple[str, ...]) -> Doubles:
+    """The same of a fisheye for points in camera axes: the lens by central differences."""
+    ideal, scale = xyz[:, :2] / xyz[:, 2:], np.array([k.fx, k.fy])
+    steps = np.eye(2) * DIFFERENCE
+    of_ideal = np.stack(
+        [(k.distort(ideal + s) - k.distort(ideal - s)) / (2 * DIFFERENCE) for s in steps], axis=-1
+    )
+    x, y, z = xyz.T
+    zero = np.zeros(len(xyz))
+    of_xyz = np.stack([
+        np.stack([1 / z, zero, -x / z**2], axis=1), np.stack([zero, 1 / z, -y / z**2], axis=1),
+    ], axis=1)  # fmt: skip
+    turned = np.stack([
+        np.stack([zero, z, -y], axis=1), np.stack([-z, zero, x], axis=1),
+        np.stack([y, -x, zero], axis=1),
+    ], axis=1)  # fmt: skip
+    moved = scale[:, None] * np.einsum("nij,njk->nik", of_ideal, of_xyz)
+    pose = [np.einsum("nij,njk->nik", moved, turned), moved]
+
+    def pixels(lens: Intrinsics) -> Doubles:
+        return lens.distort(ideal) * (lens.fx, lens.fy) + (lens.cx, lens.cy)
+
+    for name in free:
+        ends = [pixels(intrinsic_step(k, name, sign * DIFFERENCE)) for sign in (1, -1)]
+        pose.append(((ends[0] - ends[1]) / (2 * DIFFERENCE))[..., None])
+    return np.concatenate(pose, axis=2)
 
 
 def displacement_variance(jacobian: Doubles, covariance: Doubles) -> Doubles:
@@ -118,7 +153,12 @@ def intrinsic_value(k: Intrinsics, name: str) -> float:
         return float(np.log(k.fy / k.fx))
     if name in ("cx", "cy"):
         return k.cx if name == "cx" else k.cy
-    return (*k.dist, *(0.0,) * 5)[DISTORTION_NAMES.index(name)]
+    return (*k.dist, *(0.0,) * 5)[_place(k, name)]
+
+
+def _place(k: Intrinsics, name: str) -> int:
+    """Where a coefficient stands in `dist`."""
+    return (FISHEYE_NAMES if k.is_fisheye else DISTORTION_NAMES).index(name)
 
 
 def intrinsic_step(k: Intrinsics, name: str, change: float) -> Intrinsics:
@@ -133,7 +173,7 @@ def intrinsic_step(k: Intrinsics, name: str, change: float) -> Intrinsics:
         return replace(k, cx=k.cx + change)
     if name == "cy":
         return replace(k, cy=k.cy + change)
-    dist = np.zeros(max(5, len(k.dist)))
+    dist = np.zeros(8 if k.is_fisheye else max(5, len(k.dist)))
     dist[: len(k.dist)] = k.dist
-    dist[DISTORTION_NAMES.index(name)] += change
+    dist[_place(k, name)] += change
     return replace(k, dist=tuple(dist))

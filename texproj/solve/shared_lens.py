@@ -94,6 +94,8 @@ def ideal_of(lens: Intrinsics, xy_px: Doubles, guess: Doubles) -> Doubles:
     target = (xy_px - (lens.cx, lens.cy)) / (lens.fx, lens.fy)
     if not lens.distorted:
         return target
+    if lens.is_fisheye:  # its outer pixels are far from the identity
+        return lens.undistort(target)
     ideal = guess
     for _ in range(FIXED_POINT_STEPS):
         ideal = ideal - (lens.distort(ideal) - target)

@@ -101,6 +101,11 @@ class Workbench:
         self.project.save_array(self._occlusion_key, values)
         return values
 
+    def keep_occlusion(self) -> None:
+        """Have ambient occlusion in work/, where other processes find it."""
+        if self.kept_occlusion is None:
+            self.project.save_array(self._occlusion_key, self.occlusion)
+
     @property
     def kept_occlusion(self) -> NDArray[np.float32] | None:
         """(V,) ambient occlusion of an earlier run, None if there is none."""

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from texproj.arrays import Floats
+from texproj.arrays import Doubles, Floats
 from texproj.camera import Camera
 from texproj.photo import Photo
 from texproj.records import THROUGH, Fit
 from texproj.register.block.reconstruction import Reconstruction
+from texproj.register.block.similarity import Similarity
 from texproj.register.block.structure_from_motion import LONGEST_PX
 from texproj.render import GBuffer
 from texproj.stages.bench import Workbench
@@ -24,8 +25,11 @@ MAX_ERROR_PERCENT = 0.5
 """Expected error, percent of the longer side, beyond which a photo held by others is refused."""
 CELLS = 6
 """Along each side of a picture, for telling how much of it the block's points cover."""
+SHOWN_POINTS = 300
+"""Points of a block that are kept to be shown, about."""
 CHANNELS = ("depth", "normal", "ao", "front")
 
+Point = tuple[float, float, float]
 Told = dict[str, Fit | str]
 """For each photo a fit, or why there is none."""
 
@@ -38,6 +42,17 @@ def load_reduced(bench: Workbench, name: str, longest: int) -> Photo:
 def rendered(bench: Workbench, camera: Camera) -> GBuffer:
     """The mesh as blocks are compared with it."""
     return bench.light_scene.gbuffer(camera, CHANNELS)
+
+
+def sparse_points(points: Doubles, world_from_block: Similarity) -> list[Point]:
+    """Some of the points (n, 3) of a block, world, for showing where it is."""
+    some = points[:: max(1, len(points) // SHOWN_POINTS)]
+    placed = world_from_block.apply(some)
+    return [(_short(x), _short(y), _short(z)) for x, y, z in placed]
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.6g}")
 
 
 def fit_of(

@@ -12,7 +12,7 @@ import numpy as np
 
 from texproj.arrays import Doubles
 from texproj.errors import InputError, RegistrationError
-from texproj.records import CameraRecord
+from texproj.records import CHOSEN, CameraRecord
 from texproj.register.block.place import Beforehand
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.block.structure_from_motion import (
@@ -25,6 +25,7 @@ from texproj.stages.bench import Workbench
 from texproj.stages.block_fits import Told, load_reduced
 from texproj.stages.block_holding import held
 from texproj.stages.block_search import searched
+from texproj.stages.choosing import chosen_fits
 from texproj.stages.entries import start_of
 from texproj.stages.lenses import lens_of
 from texproj.stages.partners import content_key, keep_graph
@@ -49,6 +50,11 @@ def place_together(
     in work/, so that an interrupted run goes on where it stopped.
     """
     return_freed_memory()
+    others = [n for n, entry in anchors.items() if CHOSEN not in entry.quality]
+    chosen = chosen_fits(bench.project, names, others)
+    if chosen:
+        rest = [name for name in names if name not in chosen]
+        return chosen | place_together(bench, rest, anchors, progress) if rest else chosen
     photos, told = _photos(bench, [*names, *anchors])
     if len(photos) < LEAST_PHOTOS:
         return _of(names, told)
@@ -116,6 +122,6 @@ def _placed(
     try:
         if own:
             return held(bench, part, own, known, progress)
-        return searched(bench, part, known, progress)
+        return searched(bench, part, known, progress, asking=True)
     except RegistrationError as error:
         return {name: str(error) for name in part.names if name not in own}

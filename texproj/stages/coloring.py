@@ -25,6 +25,13 @@ from texproj.stages.freshness import (
     file_inputs,
     options_inputs,
 )
+from texproj.stages.layouts import (
+    filled_from_mesh,
+    layout_inputs,
+    layout_notes,
+    mesh_to_fill,
+)
+from texproj.stages.lightening import check_levels, levels_of, write_levels
 from texproj.stages.occluding import keep_occluders, occluder_inputs
 from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
@@ -37,7 +44,7 @@ if TYPE_CHECKING:
     from texproj.color.sampling.photo_set import PhotoSet
 
 STAGE = "color"
-VERSION = 3
+VERSION = 4
 Write = Callable[[Path, OutputPlan], tuple[str, ...]]
 DOUBTFUL = 0.6
 """Part of what a photo shows of the piece beyond which contradiction is as likely its camera's."""
@@ -99,10 +106,17 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
     plan = output_plan(project.settings.color, project.settings.output, tuple(cameras.values()))
     hidden = keep_occluders(bench, cameras, progress)
     inputs = _inputs(project)
+    check_levels(project.settings.color, project.settings.output)
+    notes = layout_notes(bench)
     colors, write = _made(bench, photo_set(project, cameras), progress)
     failed |= colors.failed
     if not set(cameras) - set(failed):
         raise InputError(f"no photo could be read: {'; '.join(failed.values())}")
+    if not colors.quality["seen"]:
+        raise InputError(
+            f"no photo shows any of the mesh; masks may leave out all of it: look into"
+            f" {project.root / 'masks'}, and at the cameras (`texproj preview`)"
+        )
     used = [name for name in cameras if name not in failed]
     made_by = provenance_of(project, used)
     with staging(project.out) as folder:
@@ -118,7 +132,7 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
         "standing": asdict(plan.standing),
         "provenance": dict(made_by.facts),
         "copyright": made_by.copyright,
-        "mesh notes": list(bench.source.notes),
+        "mesh notes": [*bench.source.notes, *notes, *getattr(colors, "notes", ())],
     }
     project.save_record(STAGE, None, record)
     project.save_hashes()
@@ -142,7 +156,7 @@ def remove_leftovers(project: Project, before: Any, files: tuple[str, ...]) -> N
 def color_freshness(project: Project) -> Freshness:
     """Whether the model in out/ is what the project's inputs give."""
     record = project.load_record(STAGE)
-    reason = changed_inputs(record, _inputs(project))
+    reason = changed_inputs(record, _inputs(project), project.settings.exclude)
     if record is not None and not reason:
         faults = [n for n, why in record.get("failed", {}).items() if why in (INTERNAL, NO_MEMORY)]
         reason = f"{', '.join(faults)} met an internal fault, which may be gone" if faults else ""
@@ -228,6 +242,9 @@ def _made(
         colors = color_vertices(bench.mesh, photos, bench.renderer, options, checker, tell)
         return colors, lambda folder, plan: write_vertices(folder, bench.source, colors, plan)
     texture = _texture(bench, photos, checker, tell)
+    if bench.project.settings.output.faces:
+        levels = levels_of(bench, texture)
+        return texture, lambda folder, plan: write_levels(folder, levels, plan)
     return texture, lambda folder, plan: write_texture(folder, bench.mesh, texture, plan)
 
 
@@ -237,15 +254,18 @@ def _texture(
     from texproj.color.patches.texture import PatchSettings, color_patches  # noqa: PLC0415 - slow to load
     from texproj.color.texture import color_texture  # noqa: PLC0415
 
-    settings, given = bench.project.settings, (bench.mesh, photos, bench.renderer)
+    settings, given = bench.project.settings, (mesh_to_fill(bench), photos, bench.renderer)
     if settings.color.to == "patches":
         patches = PatchSettings(settings.color, settings.patches, settings.unwrap)
-        return color_patches(*given, patches, checker, tell)
-    return color_texture(*given, settings.color, settings.unwrap, checker, tell)
+        texture = color_patches(*given, patches, checker, tell)
+    else:
+        texture = color_texture(*given, settings.color, settings.unwrap, checker, tell)
+    return filled_from_mesh(bench, texture)
 
 
 def _inputs(project: Project) -> Inputs:
-    return {**options_inputs(project, VERSION, *SECTIONS), **seen_inputs(project)}
+    settings = options_inputs(project, VERSION, *SECTIONS)
+    return {**settings, **seen_inputs(project), **layout_inputs(project)}
 
 
 def seen_inputs(project: Project) -> Inputs:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Iterable
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import cv2
 import numpy as np
@@ -15,7 +16,7 @@ from texproj.formats.models import read_model
 from texproj.mesh import ColoredMesh, TexturedMesh
 from texproj.project import Project
 from texproj.records import CameraRecord
-from texproj.render import model_pictures
+from texproj.render import ModelLook, model_pictures
 from texproj.report.model import packed_model
 from texproj.report.page import Pictures, data_url
 from texproj.report.pictures import (
@@ -30,6 +31,7 @@ from texproj.report.pictures import (
 )
 from texproj.stages.bench import Workbench
 from texproj.stages.coloring import STAGE as COLOR
+from texproj.stages.kept_pictures import Kept
 from texproj.stages.writing import GLB, OBJ, PLY
 
 MOST_COMPARED = 40
@@ -40,42 +42,41 @@ Tell = Callable[[int, int, str], None]
 
 
 def pictures(bench: Workbench, records: dict[str, CameraRecord], tell: Tell) -> Pictures:
-    """All that the report shows of the project as it stands. tell: photos done, in all, name."""
-    names = bench.project.photo_names
-    model = written_model(bench.project)
+    """All that the report shows of the project as it stands; what was drawn before of the same is
+    kept. tell: photos done, in all, name.
+    """
+    names, kept = bench.project.photo_names, Kept.of(bench.project)
     overlays: dict[str, str] = {}
     for done, name in enumerate(names):
         tell(done, len(names), name)
         record = records.get(name)
-        picture = _overlay(bench, name, record)
-        if picture is None:
-            continue
-        overlays[name] = picture
-    if model is None:
-        return Pictures(overlays, {}, [], None)
-    cameras = registered_cameras(records)
-    models = _from_photos(bench, model, records, overlays)
-    around = model_pictures(bench.renderer, model, viewpoints(bench.mesh, cameras))
-    views = [data_url(on_backdrop(picture)) for picture in around]
-    packed = packed_model(model, *frame_of(bench.mesh, cameras))
-    return Pictures(overlays, models, views, packed)
-
-
-def _from_photos(
-    bench: Workbench,
-    model: Model,
-    records: dict[str, CameraRecord],
-    names: Iterable[str],
-) -> dict[str, str]:
-    """The model as the photos' cameras see it, for the first `MOST_COMPARED` that have one."""
+        picture = kept.photo(name, record, partial(_overlay, bench, name, record))
+        if picture is not None:
+            overlays[name] = picture
     cameras = {
         name: camera.reduced(OVERLAY_LONGEST)
-        for name in names
+        for name in overlays
         if (record := records.get(name)) and (camera := record.registered_camera)
     }
     chosen = dict(list(cameras.items())[:MOST_COMPARED])
-    found = model_pictures(bench.renderer, model, chosen.values(), samples=1)
-    return {n: data_url(on_backdrop(p)) for n, p in zip(chosen, found, strict=True)}
+    shown = kept.model(chosen, records, lambda: _of_model(bench, chosen, records))
+    return Pictures(overlays, shown["models"], shown["views"], shown["packed"])
+
+
+def _of_model(
+    bench: Workbench, cameras: dict[str, Camera], records: dict[str, CameraRecord]
+) -> dict[str, Any]:
+    """The model as the photos' cameras see it, from around, and for the page's viewer."""
+    model, every = written_model(bench.project).model, registered_cameras(records)
+    if model is None:
+        return {"models": {}, "views": [], "packed": None}
+    beside = model_pictures(bench.renderer, model, cameras.values(), ModelLook(samples=1))
+    around = model_pictures(bench.renderer, model, viewpoints(bench.mesh, every))
+    return {
+        "models": {n: data_url(on_backdrop(p)) for n, p in zip(cameras, beside, strict=True)},
+        "views": [data_url(on_backdrop(picture)) for picture in around],
+        "packed": packed_model(model, *frame_of(bench.mesh, every)),
+    }
 
 
 def registered_cameras(records: dict[str, CameraRecord]) -> list[Camera]:
@@ -107,14 +108,31 @@ def _overlay(bench: Workbench, name: str, record: CameraRecord | None) -> str | 
     return data_url(picture)
 
 
-def written_model(project: Project) -> Model | None:
-    """The model as it was written; None if there is none whose images can be read (ktx2)."""
+@dataclass(frozen=True, eq=False)
+class Written:
+    """The model as it was written, or None if none can be shown; notes: which of its files cannot
+    be read, and why.
+    """
+
+    model: Model | None
+    notes: tuple[str, ...] = ()
+
+
+def written_model(project: Project) -> Written:
+    """The first of the written files that can be read: glb, obj, ply."""
     outputs = (project.load_record(COLOR) or {}).get("outputs", {})
+    notes: list[str] = []
     for name in (GLB, OBJ, PLY):
-        if name in outputs and (project.out / name).is_file():
-            with contextlib.suppress(InputError):
-                return _drawable(read_model(project.out / name))
-    return None
+        if name not in outputs or not (project.out / name).is_file():
+            continue
+        try:
+            model = _drawable(read_model(project.out / name))
+        except InputError as error:
+            notes.append(f"{error}")
+            continue
+        notes = [f"{name} is shown, since {why}" for why in notes]
+        return Written(model, tuple(notes))
+    return Written(None, tuple(notes))
 
 
 def _drawable(model: Model) -> Model:

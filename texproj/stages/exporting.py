@@ -8,7 +8,7 @@ from pathlib import Path
 
 from texproj.errors import InputError, UsageError, nearest_name
 from texproj.files import staging
-from texproj.formats.interchange import WRITERS, Shot
+from texproj.formats.interchange import FISHEYE_WRITERS, WRITERS, Shot
 from texproj.intake import shown, unusable_name
 from texproj.project import Project
 
@@ -46,16 +46,31 @@ def export_cameras(project: Project, kind: str, to: Path | None = None) -> Expor
     ]
     if not shots:
         raise InputError(f"no registered camera in {project.root}; run: texproj register")
+    shots, bent = _without_fisheyes(shots, kind)
     written = WRITERS[kind](shots, _relative(project.mesh_path, folder))
     with staging(folder) as unfinished:
         for name, content in written.files.items():
             (unfinished / name).write_bytes(content)
     files = tuple(folder / name for name in written.files)
-    notes = dict(written.notes)
+    notes = dict(written.notes) | bent
     for shot in shots:
         if project.photo_info(shot.name).orientation != 1:
             notes[shot.name] = "; ".join([*filter(None, [notes.get(shot.name)]), TURNED])
     return ExportOutcome(kind, files, tuple(shot.name for shot in shots), notes)
+
+
+def _without_fisheyes(shots: list[Shot], kind: str) -> tuple[list[Shot], dict[str, str]]:
+    """The photos that a format can hold, and why others are left out. Raises InputError for none
+    that it can.
+    """
+    if kind in FISHEYE_WRITERS:
+        return shots, {}
+    why = f"{kind} has no place for a fisheye; {', '.join(FISHEYE_WRITERS)} have"
+    bent = {s.name: f"left out: {why}" for s in shots if s.camera.intrinsics.is_fisheye}
+    kept = [shot for shot in shots if shot.name not in bent]
+    if not kept:
+        raise InputError(f"no camera can be exported: {why.removeprefix('left out: ')}")
+    return kept, bent
 
 
 def _relative(path: Path, folder: Path) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -56,13 +56,26 @@ def file_inputs(project: Project, **paths: Any) -> Inputs:
     return {name: project.hash_of(path) or "none" for name, path in paths.items()}
 
 
-def changed_inputs(record: Mapping[str, Any] | None, inputs: Inputs) -> str:
-    """Which inputs differ from those of a record; empty if none does."""
+def changed_inputs(
+    record: Mapping[str, Any] | None, inputs: Inputs, left_out: Collection[str] = ()
+) -> str:
+    """Which inputs differ from those of a record; empty if none does. left_out: photos that take
+    part no more. What belongs to a photo ("mask of IMG_0001.jpg") is told with it.
+    """
     if record is None:
         return "not made yet"
     before = record.get("inputs", {})
     changed = [name for name in inputs if name in before and before[name] != inputs[name]]
-    added = [f"{name} is new" for name in inputs if name not in before]
-    gone = [f"{name} is gone" for name in before if name not in inputs]
-    changed_words = [f"{', '.join(changed)} changed"] if changed else []
-    return "; ".join([*changed_words, *added, *gone])
+    added = _without_parts([name for name in inputs if name not in before])
+    gone = _without_parts([name for name in before if name not in inputs])
+    out = [name for name in gone if name in left_out]
+    words = [f"{', '.join(changed)} changed"] if changed else []
+    words += [f"{name} is new" for name in added]
+    words += [f"{name} is gone" for name in gone if name not in out]
+    words += [f"left out: {', '.join(out)}"] if out else []
+    return "; ".join(words)
+
+
+def _without_parts(names: Sequence[str]) -> list[str]:
+    """The names without those of what belongs to another that is there."""
+    return [name for name in names if name.rpartition(" of ")[2] not in {*names} - {name}]

@@ -12,7 +12,7 @@ import numpy as np
 
 from texproj.camera import Camera
 from texproj.photo import Photo
-from texproj.records import CameraRecord
+from texproj.records import CHOSEN, CameraRecord
 from texproj.register.block.scan_samples import ScanSamples
 from texproj.register.block.slides import WORKING_PX, Slide, slides, untold
 from texproj.register.proof.camps import Ruling
@@ -111,6 +111,8 @@ def _proof(record: CameraRecord, ruling: Ruling, names: Sequence[str]) -> dict[s
         by.append("other photos")
     if record.method == "points":
         by.append("picks")
+    if CHOSEN in record.quality:
+        by.append("your choice")
     if record.method == "silhouette":
         by.append("outline")
     return {

@@ -13,6 +13,7 @@ from texproj.files import json_hash
 from texproj.formats.cameras import entry_of_record
 from texproj.project import Project
 from texproj.records import CameraRecord
+from texproj.stages.choosing import said_of
 from texproj.stages.entries import Entries, camera_hash, own_registration, start_of
 from texproj.stages.freshness import FAILED, Freshness, Inputs, changed_inputs, file_inputs
 from texproj.stages.methods import AUTO, MOST_COMPARED, READS
@@ -61,6 +62,7 @@ class Sources:
         self._settings: dict[str, str] = {}
         self._files: dict[str, Inputs] = {}
         self._blocks: dict[tuple[str, ...], str] = {}
+        self._said: dict[str, str] | None = None
 
     def settings(self, methods: Iterable[str]) -> Inputs:
         """The tables of project.toml that the methods read."""
@@ -98,6 +100,12 @@ class Sources:
         if names not in self._blocks:
             self._blocks[names] = json_hash({name: self.picture(name) for name in names})
         return self._blocks[names]
+
+    def said(self, name: str) -> Inputs:
+        """The place that somebody chose for a photo, if anybody did."""
+        if self._said is None:
+            self._said = said_of(self.project)
+        return {"place that was chosen": self._said[name]} if name in self._said else {}
 
 
 class Neighborhood:
@@ -301,6 +309,7 @@ def inputs(
         found["photos of the block"] = sources.pictures(block)
         if stands := sources.project.settings.stands:
             found["[output] up"] = stands
+        found |= sources.said(entry.file)
     if not _own_registered(entry):
         if "features" in tried:
             others = around(entry.file)
@@ -378,3 +387,8 @@ def _closed(open_: dict[str, int], name: str) -> bool:
     """Whether nothing more has to come before `name`, now that one more is there."""
     open_[name] -= 1
     return not open_[name]
+
+
+def registration_freshness(project: Project) -> list[Freshness]:
+    """For each photo, whether its registration is up to date."""
+    return list(Lineage.of(project, project.load_cameras()).states.values())

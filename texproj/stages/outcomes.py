@@ -16,6 +16,8 @@ from texproj.stages.attending import attended
 
 UNUSABLE = "unusable_input"
 """Key of an entry's quality: a file of the photo cannot be read, so nothing else is tried."""
+CONTRADICTED = "is that one's camera right?"
+"""Ends what is said of a single registered photo that the mesh's edges contradict."""
 
 
 @dataclass(frozen=True)
@@ -73,9 +75,10 @@ class PhotoOutcome:
 
 @dataclass(frozen=True, eq=False)
 class RegisterOutcome:
-    """What became of several photos."""
+    """What became of several photos; question: what somebody has to choose, empty if nothing."""
 
     photos: Sequence[PhotoOutcome]
+    question: str = ""
 
     @property
     def tally(self) -> Tally:
@@ -84,11 +87,13 @@ class RegisterOutcome:
 
     def lines(self) -> list[str]:
         """For people."""
-        return [line for photo in self.photos for line in photo.lines()]
+        told = [line for photo in self.photos for line in photo.lines()]
+        return [*told, self.question] if self.question else told
 
     def as_dict(self) -> dict[str, Any]:
         """For --json."""
-        return {"photos": [photo.as_dict() for photo in self.photos]}
+        photos = [photo.as_dict() for photo in self.photos]
+        return {"photos": photos, "question": self.question}
 
 
 def registered_record(_: Project, name: str, start: CameraRecord | None, fit: Fit) -> CameraRecord:

@@ -111,7 +111,7 @@ def _sized(told: ForeignCamera, camera: Camera, info: PhotoInfo, note: str) -> R
         after = f"{info.width} x {info.height}"
         notes.append(f"rescaled from {before} to {after} pixels")
         ratio = info.width / camera.width
-        if not any(camera.intrinsics.dist) or 1 / NEAR_SIZE < ratio < NEAR_SIZE:
+        if not camera.intrinsics.distorted or 1 / NEAR_SIZE < ratio < NEAR_SIZE:
             other = (
                 f"its camera is for {before} pixels, the photo has {after}: was it made for"
                 " pictures free of distortion? Then put those into photos/"

@@ -128,7 +128,7 @@ def refine_freshness(project: Project, in_run: bool) -> Freshness:
     """Whether the cameras agree as well as they can."""
     record, entries = project.load_record(STAGE), project.load_cameras()
     inputs = {**_inputs(project, entries, record or {}), HELD: _hold(project, in_run)}
-    reason = changed_inputs(record, inputs)
+    reason = changed_inputs(record, inputs, project.settings.exclude)
     if record is not None and not reason:
         moved = [n for n, h in record["after"].items() if _hash(entries.get(n)) != h]
         reason = f"{', '.join(moved)} not as the refinement left it" if moved else ""

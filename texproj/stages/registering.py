@@ -7,11 +7,11 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from texproj.project import Project
 from texproj.records import DOUBTED, CameraRecord, Fit
 from texproj.stages import attempts
 from texproj.stages.attending import PhotoFaultError, attended
 from texproj.stages.bench import Workbench
+from texproj.stages.beside import searched_beside
 from texproj.stages.entries import camera_hash, own_registration, start_of
 from texproj.stages.freshness import Freshness
 from texproj.stages.keeping import Keeper
@@ -22,7 +22,8 @@ from texproj.stages.methods import (
     NEAREST,
     Job,
     Search,
-    search_as_asked,
+    is_slow,
+    search_alone,
     search_by_others,
     search_by_own_means,
     shared_points,
@@ -78,11 +79,6 @@ def register_photos(
     progress(STAGE, len(chosen), len(chosen), "")
     project.save_hashes()
     return [run.outcomes[name] for name in chosen]
-
-
-def registration_freshness(project: Project) -> list[Freshness]:
-    """For each photo, whether its registration is up to date."""
-    return list(Lineage.of(project, project.load_cameras()).states.values())
 
 
 class _Run:
@@ -278,13 +274,14 @@ class _Run:
         """Photo by photo, by the method that was asked for or by the photo's own means."""
         if self.asked in ("features", "block"):
             return
-        for name in self.chosen if self.asked == AUTO else self.lineage.order:
-            if name not in self.waiting:
-                continue
-            if self.asked != AUTO:
-                self.attend(name, partial(search_as_asked, method=self.asked))
-            elif not self.through(name) and self.job(name).has_means:
-                self.own[name] = self.attend(name, search_by_own_means)
+        auto = self.asked == AUTO
+        waiting = [n for n in (self.chosen if auto else self.lineage.order) if n in self.waiting]
+        names = [n for n in waiting if not auto or (not self.through(n) and self.job(n).has_means)]
+        jobs = [job for job in map(self.job, names) if is_slow(job, self.asked)]
+        search = partial(search_alone, method=self.asked)
+        with searched_beside(self.bench, jobs, search, self.tell) as found:
+            for name in names:
+                self.own[name] = self.attend(name, found)
 
     def attend_through_others(self) -> None:
         """What the photos that are registered show of others, and those of others again."""
@@ -336,6 +333,11 @@ class _Run:
 
     # --- one photo
 
+    def tell(self, name: str) -> None:
+        """Tell that a photo is attended; whoever listens may stop the work."""
+        done = min(len(self.outcomes), len(self.chosen) - 1)
+        self.progress(STAGE, done, len(self.chosen), name)
+
     def state(self, name: str) -> Freshness:
         entry, trace = self.entries.get(name), self.traces[name]
         return state(self.lineage.sources, name, entry, trace, self.cameras, self.around)
@@ -354,8 +356,7 @@ class _Run:
 
     def attend(self, name: str, search: Callable[[Job], Search]) -> Search:
         """Search the camera of a photo; whatever comes of it becomes its entry."""
-        done = min(len(self.outcomes), len(self.chosen) - 1)
-        self.progress(STAGE, done, len(self.chosen), name)
+        self.tell(name)
         job, before = self.job(name), self.entries.get(name)
         found, why = attempts.searched(job, search)
         self.faulty |= {name} if FAULT in why else set()

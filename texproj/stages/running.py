@@ -17,8 +17,10 @@ from texproj.stages.appearing import (
 )
 from texproj.stages.attending import PhotoFaultError, attended
 from texproj.stages.bench import Workbench
+from texproj.stages.choosing import told_of
 from texproj.stages.coloring import ColorOutcome, color_freshness, color_project
 from texproj.stages.freshness import Freshness
+from texproj.stages.lineage import registration_freshness
 from texproj.stages.outcomes import PhotoOutcome, Tally
 from texproj.stages.progress import Progress, silent
 from texproj.stages.refining import (
@@ -28,7 +30,7 @@ from texproj.stages.refining import (
     undo_refinement,
     unrefined,
 )
-from texproj.stages.registering import register_photos, registration_freshness
+from texproj.stages.registering import register_photos
 from texproj.stages.reporting import ReportOutcome, report_freshness, report_project
 from texproj.stages.story import story
 
@@ -42,7 +44,8 @@ class RunOutcome:
     appearance is None too where [light] does not ask for it.
 
     unrefined: photos that are back at their own registration, since the settings have switched
-    refinement off; fault: why refinement could not be done, which nobody foresaw.
+    refinement off; fault: why refinement could not be done, which nobody foresaw; question: what
+    somebody has to choose.
     """
 
     photos: list[PhotoOutcome]
@@ -53,6 +56,7 @@ class RunOutcome:
     reason: str = ""
     unrefined: tuple[str, ...] = ()
     fault: str = ""
+    question: str = ""
 
     @property
     def failed(self) -> dict[str, str]:
@@ -77,6 +81,8 @@ class RunOutcome:
             yield from photo.lines()
         if told := self.story:
             yield told
+        if self.question:
+            yield self.question
         if self.unrefined:
             names = ", ".join(self.unrefined)
             yield f"refinement is switched off: back to their own registration: {names}"
@@ -98,15 +104,19 @@ class RunOutcome:
             "story": self.story,
             "unrefined": self.unrefined,
             "fault": self.fault,
+            "question": self.question,
         }
 
 
 @dataclass(frozen=True)
 class StatusOutcome:
-    """Each item of each stage, and what is known of the photos, in one sentence."""
+    """Each item of each stage, and what is known of the photos, in one sentence; question: what
+    somebody has to choose.
+    """
 
     items: list[Freshness]
     story: str = ""
+    question: str = ""
 
     @property
     def tally(self) -> Tally:
@@ -118,10 +128,13 @@ class StatusOutcome:
             yield from item.lines()
         if self.story:
             yield self.story
+        if self.question:
+            yield self.question
 
     def as_dict(self) -> dict[str, Any]:
         """For --json."""
-        return {"items": [item.as_dict() for item in self.items], "story": self.story}
+        items = [item.as_dict() for item in self.items]
+        return {"items": items, "story": self.story, "question": self.question}
 
 
 def run_project(bench: Workbench, progress: Progress = silent) -> RunOutcome:
@@ -140,7 +153,8 @@ def run_project(bench: Workbench, progress: Progress = silent) -> RunOutcome:
     wanted = color is not None and project.settings.light.kind != "none"
     appearance = appearance_project(bench, progress) if wanted else None
     report = report_project(bench, progress)
-    return RunOutcome(photos, refined, color, appearance, report, reason, back, fault)
+    question = told_of(project)
+    return RunOutcome(photos, refined, color, appearance, report, reason, back, fault, question)
 
 
 def _refined(bench: Workbench, progress: Progress) -> tuple[RefineOutcome | None, str]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from texproj.project import Project
-from texproj.records import DOUBTED, PROOF, THROUGH
+from texproj.records import CHOSEN, DOUBTED, PROOF, THROUGH
 from texproj.stages.entries import is_refined
 from texproj.stages.outcomes import PhotoOutcome
 
@@ -54,7 +54,8 @@ def _blocks(found: Sequence[PhotoOutcome]) -> Iterator[str]:
 def _why_there(placed: Sequence[Mapping[str, Any]]) -> str:
     sure = next((q for q in placed if "rival" in q), None)
     if sure is not None:
-        return f"structure {sure['support']:.0%}, next best place {sure['rival']:.0%}"
+        said = "where you said; " if CHOSEN in sure else ""
+        return f"{said}structure {sure['support']:.0%}, next best place {sure['rival']:.0%}"
     through = dict.fromkeys(name for q in placed for name in q.get(THROUGH, ()))
     if not through:
         return "from rough cameras to where they agree with each other"

@@ -14,16 +14,21 @@ import numpy as np
 from texproj.arrays import Bytes
 from texproj.errors import InputError, UsageError
 from texproj.files import staging
-from texproj.render import model_pictures
+from texproj.project import Project
+from texproj.render import ModelLook, model_pictures
 from texproj.report.pictures import around, on_backdrop
 from texproj.stages.bench import Workbench
+from texproj.stages.coloring import remove_leftovers
 from texproj.stages.depicting import registered_cameras, written_model
+from texproj.stages.film_path import film_path
 from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
 
 STAGE = "turntable"
 Film = Literal["webp", "gif", "png"]
 WEBP_QUALITY = 85
+BACKS = 0.03
+"""Linear gray of the backs of faces: nobody takes them for the surface."""
 PALETTE_FRAMES = 8
 """From so many frames the 256 colors of a gif are chosen."""
 MOST_FRAMES, LARGEST = 720, 2160
@@ -61,9 +66,10 @@ class TurntableOptions:
 
 @dataclass(frozen=True)
 class TurntableOutcome:
-    """The files that were written."""
+    """The files that were written; notes: what is unusual about the film."""
 
     files: tuple[Path, ...]
+    notes: tuple[str, ...]
 
     @property
     def tally(self) -> Tally:
@@ -73,49 +79,72 @@ class TurntableOutcome:
         """For people."""
         first, last = self.files[0], self.files[-1]
         yield f"wrote {first}" + (f" to {last.name}" if last != first else "")
+        for note in self.notes:
+            yield f"note: {note}"
 
     def as_dict(self) -> dict[str, Any]:
         """For --json."""
-        return {"files": [str(path) for path in self.files]}
+        return {"files": [str(path) for path in self.files], "notes": list(self.notes)}
 
 
 def turn_project(
     bench: Workbench, options: TurntableOptions, progress: Progress = silent
 ) -> TurntableOutcome:
-    """Render the model of the project once around. It begins at the front, with up as in the
-    photos. Raises InputError where there is no model yet, OutputError.
+    """Render the model of the project once around, or to and fro where it is open at its back. It
+    begins at the front, with up as in the photos; backs of faces are dark. Pictures of a longer
+    film before go. Raises InputError where there is no model yet, OutputError.
     """
     project = bench.project
-    model = written_model(project)
-    if model is None:
+    written = written_model(project)
+    if written.model is None:
+        why = "".join(f"; {note}" for note in written.notes)
         raise InputError(
             f"{project.root} has no model that can be shown; run `texproj color {project.root}`"
+            + why
         )
     project.check_writable(project.out)
-    angles = [360 * k / options.frames for k in range(options.frames)]
     cameras = registered_cameras(project.load_cameras())
-    views = around(bench.mesh, cameras, angles, (options.size, options.size))
-    frames = []
-    for picture in model_pictures(bench.renderer, model, views):
-        frames.append(on_backdrop(picture))
-        progress(STAGE, len(frames), len(views), "")
+    path = film_path(bench, cameras, options.frames)
+    angles, of_frame = np.unique(path.angles_deg.round(6), return_inverse=True)
+    views = around(bench.mesh, cameras, angles.tolist(), (options.size, options.size))
+    look = ModelLook(backs=BACKS if path.sided else None)
+    shown = []
+    for picture in model_pictures(bench.renderer, written.model, views, look):
+        shown.append(on_backdrop(picture))
+        progress(STAGE, len(shown), len(views), "")
     with staging(project.out) as folder:
-        names = write_film(folder, frames, options)
-    return TurntableOutcome(tuple(project.out / name for name in names))
+        names = write_film(folder, [shown[k] for k in of_frame], options)
+    replace_record(project, STAGE, options.film, names)
+    notes = (*written.notes, *((path.note,) if path.note else ()))
+    return TurntableOutcome(tuple(project.out / name for name in names), notes)
 
 
-def write_film(folder: Path, frames: Sequence[Bytes], options: TurntableOptions) -> list[str]:
+def replace_record(project: Project, stage: str, film: str, names: Sequence[str]) -> None:
+    """Remember the files of a film or picture, and remove those of an earlier one of the kind that
+    it has not; what somebody changed stays.
+    """
+    known = (project.load_record(stage) or {}).get("outputs", {})
+    mine = {name: key for name, key in known.items() if name.endswith(f".{film}")}
+    remove_leftovers(project, {"outputs": mine}, tuple(names))
+    others = {name: key for name, key in known.items() if name not in mine}
+    now = {name: project.hash_of(project.out / name) for name in names}
+    project.save_record(stage, None, {"inputs": {}, "outputs": others | now})
+
+
+def write_film(
+    folder: Path, frames: Sequence[Bytes], options: TurntableOptions, stem: str = STAGE
+) -> list[str]:
     """Write (h, w, 3) sRGB frames as one file, or as one each; returns the names."""
     if options.film == "png":
         digits = max(3, math.ceil(math.log10(len(frames) + 1)))
-        names = [f"{STAGE}_{k:0{digits}}.png" for k in range(len(frames))]
+        names = [f"{stem}_{k:0{digits}}.png" for k in range(len(frames))]
         for name, frame in zip(names, frames, strict=True):
             encoded = cv2.imencode(".png", cv2.cvtColor(frame, cv2.COLOR_RGB2BGR))[1]
             (folder / name).write_bytes(encoded.tobytes())
         return names
     from PIL import Image  # noqa: PLC0415 - slow to load
 
-    name = f"{STAGE}.{options.film}"
+    name = f"{stem}.{options.film}"
     pictures = [Image.fromarray(np.ascontiguousarray(frame)) for frame in frames]
     times: dict[str, Any] = {"duration": 1000 * options.seconds / len(frames), "loop": 0}
     if options.film == "gif":

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
-from texproj.arrays import Doubles, Ints
+from texproj.arrays import Doubles
 
 
-def signed_areas(uv: Doubles, faces: Ints) -> Doubles:
+def signed_areas(uv: Doubles, faces: NDArray[np.integer[Any]]) -> Doubles:
     """(F,) areas of the faces in the plane, negative where turned over."""
     a, b, c = uv[faces].transpose(1, 0, 2)
     p, q = b - a, c - a
     return 0.5 * (p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])
 
 
-def flat_areas(uv: Doubles, faces: Ints) -> Doubles:
+def flat_areas(uv: Doubles, faces: NDArray[np.integer[Any]]) -> Doubles:
     """(F,) areas of the faces in the plane, positive."""
     return np.abs(signed_areas(uv, faces))
 

@@ -31,9 +31,29 @@ def face_image(atlas: Atlas, page: int) -> NDArray[np.int32]:
     return image
 
 
+def texels_covered(corners: NDArray[np.float64], size: int) -> tuple[int, int]:
+    """How many texel centers of a square page lie in triangles (f, 3, 2), and how many would if
+    none were counted once for several triangles.
+    """
+    seen, claims = np.zeros(size * size, bool), 0
+    for start in range(0, len(corners), BATCH):
+        part = corners[start : start + BATCH]
+        row, column, _ = _spans(part, size, size)
+        seen[row * size + column] = True
+        claims += len(row)
+    return int(np.count_nonzero(seen)), claims
+
+
 def _draw(image: NDArray[np.int32], corners: NDArray[np.float64], faces: NDArray[Any]) -> None:
-    """Write face numbers where corners (f, 3, 2) cover texel centers, row by row in spans."""
-    height, width = image.shape
+    """Write face numbers where corners (f, 3, 2) cover texel centers."""
+    row, column, owner = _spans(corners, *image.shape)
+    image[row, column] = faces[owner]
+
+
+def _spans(
+    corners: NDArray[np.float64], height: int, width: int
+) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """Row, column and triangle of each texel center in a triangle (f, 3, 2), row by row."""
     y = corners[..., 1]
     first = np.clip(np.ceil(y.min(axis=1) - 0.5), 0, height).astype(np.int64)
     last = np.clip(np.ceil(y.max(axis=1) - 0.5), 0, height).astype(np.int64)
@@ -42,7 +62,7 @@ def _draw(image: NDArray[np.int32], corners: NDArray[np.float64], faces: NDArray
     start = np.clip(np.ceil(left - 0.5), 0, width).astype(np.int64)
     stop = np.clip(np.ceil(right - 0.5), 0, width).astype(np.int64)
     span, column = ranges(start, np.maximum(start, stop))
-    image[row[span], column] = faces[owner[span]]
+    return row[span], column, owner[span]
 
 
 def ranges(start: NDArray[np.int64], stop: NDArray[np.int64]) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -73,7 +73,7 @@ def alignments(
     """The displacements of all photos against a texture made of them. Every photo is read once
     more.
     """
-    model = textured_mesh(mesh, texture, normals=False)
+    model = textured_mesh(mesh, replace(texture, kept=None), normals=False)
 
     def one(number: int) -> Alignment | Unusable:
         photo = photos.photo(number)

@@ -91,6 +91,21 @@ def resolution(owners: Owners, camera: Camera) -> Floats:
     axis = camera.pose.R[2].astype(np.float32)
     depth = np.einsum("kc,c->k", owners.center, axis)  # a product would wake every thread of BLAS
     depth += np.float32(camera.pose.apply(owners.origin[None])[0, 2])
+    if camera.intrinsics.is_fisheye:
+        depth = _even_distance(owners, camera, depth)
     focal = np.float32(np.sqrt(camera.intrinsics.fx * camera.intrinsics.fy))
     pixels = focal * owners.spacing / np.where(depth > 0, depth, np.float32(np.inf))
     return pixels.astype(np.float32)
+
+
+def _even_distance(owners: Owners, camera: Camera, depth: Floats) -> Floats:
+    """(k,) what takes the place of depth for a fisheye, whose pixels all span about one angle.
+
+    At an angle t off the axis it has t / sin t pixels per unit of solid angle, in units of the
+    squared focal length.
+    """
+    to_eye = (camera.center - owners.origin).astype(np.float32) - owners.center
+    distance = np.sqrt(np.einsum("ij,ij->i", to_eye, to_eye))
+    angle = np.arccos(np.clip(depth / np.maximum(distance, np.float32(1e-30)), -1, 1))
+    even = distance * np.sqrt(np.sinc(angle / np.pi))
+    return np.where(depth > 0, even, np.float32(0)).astype(np.float32)

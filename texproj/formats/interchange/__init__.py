@@ -8,10 +8,17 @@ from texproj.formats.interchange.model import (
     SizeOf,
     Written,
 )
-from texproj.formats.interchange.registry import FORMATS, READERS, WRITERS, CameraFormat
+from texproj.formats.interchange.registry import (
+    FISHEYE_WRITERS,
+    FORMATS,
+    READERS,
+    WRITERS,
+    CameraFormat,
+)
 from texproj.formats.interchange.upright import QUARTER_TURNS, upright
 
 __all__ = [
+    "FISHEYE_WRITERS",
     "FORMATS",
     "QUARTER_TURNS",
     "READERS",

@@ -57,11 +57,14 @@ LENSES: dict[str, Callable[[Sequence[float]], tuple[ArrayLike, ArrayLike, ArrayL
 """Focal lengths, principal point and OpenCV distortion of a model's parameters."""
 
 FISHEYES: dict[str, Callable[[Sequence[float]], tuple[Sequence[float], ...]]] = {
+    "SIMPLE_FISHEYE": lambda p: ((p[0], p[0]), p[1:3], ()),
+    "FISHEYE": lambda p: (p[:2], p[2:4], ()),
     "OPENCV_FISHEYE": lambda p: (p[:2], p[2:4], p[4:8]),
+    "THIN_PRISM_FISHEYE": lambda p: (p[:2], p[2:4], [p[i] for i in (4, 5, 8, 9, 6, 7, 10, 11)]),
     "SIMPLE_RADIAL_FISHEYE": lambda p: ((p[0], p[0]), p[1:3], p[3:4]),
     "RADIAL_FISHEYE": lambda p: ((p[0], p[0]), p[1:3], p[3:5]),
 }
-"""Focal lengths, principal point and OpenCV's fisheye coefficients."""
+"""Focal lengths, principal point and the coefficients of `texproj.fisheye`."""
 
 RawCamera = tuple[str, float, float, Sequence[float]]
 """Model, width, height, parameters."""
@@ -293,6 +296,11 @@ def _seven(pose: Pose) -> list[float]:
 def _parameters(k: Intrinsics) -> tuple[str, list[float]]:
     """The smallest model that holds the lens."""
     base = [k.fx, k.fy, k.cx, k.cy]
+    if k.is_fisheye:
+        if not any(k.dist[4:]):
+            return "OPENCV_FISHEYE", base + list(k.dist[:4])
+        k1, k2, k3, k4, p1, p2, s1, s2 = k.dist
+        return "THIN_PRISM_FISHEYE", [*base, k1, k2, p1, p2, k3, k4, s1, s2]
     dist = [*k.dist, *(0.0,) * 8][:8]
     if not any(dist):
         return "PINHOLE", base
@@ -300,4 +308,5 @@ def _parameters(k: Intrinsics) -> tuple[str, list[float]]:
 
 
 def _lost(k: Intrinsics) -> str:
-    return left_out(dict(zip(BEYOND_OPENCV, k.dist[8:], strict=False)))
+    beyond = () if k.is_fisheye else k.dist[8:]
+    return left_out(dict(zip(BEYOND_OPENCV, beyond, strict=False)))

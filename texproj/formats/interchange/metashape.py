@@ -33,7 +33,6 @@ from texproj.formats.interchange.model import (
     Unusable,
     Written,
     beyond_k3,
-    five,
     left_out,
     lens,
     number,
@@ -44,10 +43,12 @@ from texproj.formats.interchange.model import (
     sentences,
     words,
 )
-from texproj.formats.interchange.radial import with_fourth_order
+from texproj.formats.interchange.radial import fisheye, with_fourth_order
 from texproj.formats.interchange.text import whole
 
 VERSION = "2.0.0"
+FRAME, FISHEYES = "frame", ("fisheye", "equidistant_fisheye")
+"""Types of sensors: a fisheye's angle takes the place of r, else all is the same."""
 MOST_SCALE = 1e12
 """By how much a chunk may be enlarged; numbers far beyond are no scale."""
 
@@ -138,10 +139,10 @@ def _sensor(sensor: ET.Element, where: str) -> Sensor:
         return Unusable("its sensor has no calibration")
     best = (adjusted or calibrations)[0]
     kind = best.get("type", sensor.get("type", "frame"))
-    if kind != "frame":
+    if kind not in (FRAME, *FISHEYES):
         return Unusable(
-            f"its lens is of type {excerpt(kind)}, not frame; export undistorted photos from"
-            " Metashape"
+            f"its lens is of type {excerpt(kind)}, neither frame nor fisheye; export undistorted"
+            " photos from Metashape"
         )
     size = best.find("resolution")
     size = sensor.find("resolution") if size is None else size
@@ -150,14 +151,15 @@ def _sensor(sensor: ET.Element, where: str) -> Sensor:
     where = f"{where}, sensor {excerpt(sensor.get('id'))}"
     width, height = (number(size.get(key), f"{where}, resolution") for key in ("width", "height"))
     try:
-        return _lens(best, width, height, where)
+        return _lens(best, (width, height), kind, where)
     except Unusable as reason:
         return reason
 
 
 def _lens(
-    calibration: ET.Element, width: float, height: float, where: str
+    calibration: ET.Element, size: tuple[float, float], kind: str, where: str
 ) -> tuple[Intrinsics, str]:
+    width, height = size
     old = calibration.find("fx") is not None
     if not old and calibration.find("f") is None:
         raise InputError(f"{where}: no focal length <f>, and no <fx>")
@@ -172,8 +174,13 @@ def _lens(
         focal = value("f") + value("b1"), value("f")
         center = width / 2 + value("cx"), height / 2 + value("cy")
         p1, p2, skew = value("p2"), value("p1"), value("b2")
-    dist = (value("k1"), value("k2"), p1, p2, value("k3"))
-    intrinsics, note = with_fourth_order(lens(width, height, focal, center, dist), value("k4"))
+    k1, k2, k3, k4 = (value(key) for key in ("k1", "k2", "k3", "k4"))
+    if kind in FISHEYES:
+        bent = (k1, k2, k3, k4, p1, p2) if p1 or p2 else (k1, k2, k3, k4)
+        intrinsics, note = fisheye(size, focal, center, bent)
+    else:
+        plain = lens(width, height, focal, center, (k1, k2, p1, p2, k3))
+        intrinsics, note = with_fourth_order(plain, k4)
     if not skew:
         return intrinsics, note
     most = abs(skew) * height / 2 / focal[1]
@@ -219,20 +226,29 @@ def _notes(chunks: Sequence[ET.Element]) -> tuple[str, ...]:
 
 
 def _write_sensor(sensors: ET.Element, number_: int, k: Intrinsics) -> None:
-    sensor = ET.SubElement(sensors, "sensor", id=str(number_), label="unknown", type="frame")
+    kind = FISHEYES[0] if k.is_fisheye else FRAME
+    sensor = ET.SubElement(sensors, "sensor", id=str(number_), label="unknown", type=kind)
     size = {"width": str(k.width), "height": str(k.height)}
     ET.SubElement(sensor, "resolution", size)
-    calibration = ET.SubElement(sensor, "calibration", {"type": "frame", "class": "adjusted"})
+    calibration = ET.SubElement(sensor, "calibration", {"type": kind, "class": "adjusted"})
     ET.SubElement(calibration, "resolution", size)
-    k1, k2, p1, p2, k3 = five(k.dist)
+    terms = _terms(k)
     values = {
         "f": k.fy, "cx": k.cx - k.width / 2, "cy": k.cy - k.height / 2, "b1": k.fx - k.fy,
-        "k1": k1, "k2": k2, "k3": k3, "p1": p2, "p2": p1,
+        **terms, "p1": terms["p2"], "p2": terms["p1"],
     }  # fmt: skip
     for key, value in values.items():
         if value:
             ET.SubElement(calibration, key).text = repr(float(value))
 
 
+def _terms(k: Intrinsics) -> dict[str, float]:
+    """k1 .. k4, p1, p2 under our names."""
+    names = ("k1", "k2", "k3", "k4", "p1", "p2") if k.is_fisheye else ("k1", "k2", "p1", "p2", "k3")
+    values = (*k.dist, *(0.0,) * 6)[: len(names)]
+    return dict(zip(names, values, strict=True))
+
+
 def _lost(k: Intrinsics) -> str:
-    return left_out(beyond_k3(k))
+    beyond = {f"s{i}": v for i, v in enumerate(k.dist[6:], 1)} if k.is_fisheye else beyond_k3(k)
+    return left_out(beyond)

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from texproj.camera import Camera, Intrinsics, Pose
+from texproj.camera import Camera, Intrinsics, LensModel, Pose
 from texproj.errors import InputError
 from texproj.formats.camera_bounds import (
     checked_intrinsics,
@@ -133,13 +133,14 @@ def words(values: Iterable[float]) -> str:
 
 
 def lens(
-    width: float, height: float, f: ArrayLike, c: ArrayLike, dist: ArrayLike = (0.0,) * 5
-) -> Intrinsics:
+    width: float, height: float, f: ArrayLike, c: ArrayLike, dist: ArrayLike = (0.0,) * 5,
+    model: LensModel = "perspective",
+) -> Intrinsics:  # fmt: skip
     """Intrinsics of focal lengths (1 or 2) and principal point, pixels from the image corner.
 
     Raises Unusable for values that no camera has.
     """
-    return possible(checked_intrinsics, width, height, f, c, dist, "its lens")
+    return possible(checked_intrinsics, width, height, f, c, dist, "its lens", model)
 
 
 def unknown_lens(name: str, size: tuple[int, int], pose: Pose) -> ForeignCamera:
@@ -172,7 +173,12 @@ def brown_terms(k: Intrinsics) -> dict[str, float]:
 
 def beyond_k3(k: Intrinsics) -> dict[str, float]:
     """The further terms of a lens by name, which few formats have a place for."""
-    return {f"dist[{i}]": v for i, v in enumerate(k.dist) if i > 4}
+    return {f"dist[{i}]": v for i, v in enumerate(k.dist) if i > (3 if k.is_fisheye else 4)}
+
+
+def fisheye_terms(k: Intrinsics) -> dict[str, float]:
+    """k1 k2 k3 k4 of a fisheye by name: OpenCV's own."""
+    return dict(zip(("k1", "k2", "k3", "k4"), k.dist, strict=False))
 
 
 def left_out(terms: Mapping[str, float], threshold: float = 0.0) -> str:

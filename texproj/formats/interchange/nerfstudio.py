@@ -26,6 +26,7 @@ from texproj.formats.interchange.model import (
     Unusable,
     Written,
     beyond_k3,
+    fisheye_terms,
     five,
     left_out,
     lens,
@@ -39,6 +40,7 @@ from texproj.formats.interchange.text import member, members, read_object, word
 
 FISHEYE = "OPENCV_FISHEYE"
 PERSPECTIVE = ("OPENCV", "PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL")
+MIXED = "left out: a file for nerfstudio has one lens model, and other photos have no fisheye"
 MOST_SCALE = 1e12
 """By how much a world may be enlarged; numbers far beyond are no scale."""
 DISTORTION = ("k1", "k2", "p1", "p2", "k3")
@@ -72,10 +74,16 @@ def read_nerfstudio(path: Path, size_of: SizeOf) -> ForeignModel:
 
 
 def write_nerfstudio(shots: Sequence[Shot]) -> Written:
-    """One frame per photo, each with its own lens; the world is the mesh file's."""
-    frames = [_frame(shot) for shot in shots]
-    text = json.dumps({"camera_model": "OPENCV", "frames": frames}, indent=1) + "\n"
-    notes = {shot.name: note for shot in shots if (note := _lost(shot.camera.intrinsics))}
+    """One frame per photo, each with its own lens; the world is the mesh file's. A file has one
+    lens model: where photos of both kinds are there, fisheyes are left out.
+    """
+    round_ = all(shot.camera.intrinsics.is_fisheye for shot in shots)
+    kept = [shot for shot in shots if shot.camera.intrinsics.is_fisheye == round_]
+    frames = [_frame(shot) for shot in kept]
+    model = FISHEYE if round_ else "OPENCV"
+    text = json.dumps({"camera_model": model, "frames": frames}, indent=1) + "\n"
+    notes = {shot.name: note for shot in kept if (note := _lost(shot.camera.intrinsics))}
+    notes |= {shot.name: MIXED for shot in shots if shot not in kept}
     return Written({"transforms.json": text.encode()}, notes)
 
 
@@ -176,7 +184,7 @@ def _frame(shot: Shot) -> dict[str, Any]:
     return {
         "file_path": shot.path,
         "w": k.width, "h": k.height, "fl_x": k.fx, "fl_y": k.fy, "cx": k.cx, "cy": k.cy,
-        **dict(zip(DISTORTION, five(k.dist), strict=True)),
+        **(fisheye_terms(k) if k.is_fisheye else dict(zip(DISTORTION, five(k.dist), strict=True))),
         "transform_matrix": matrix.tolist(),
     }  # fmt: skip
 

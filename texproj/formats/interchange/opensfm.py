@@ -32,6 +32,7 @@ from texproj.formats.interchange.model import (
     Unusable,
     Written,
     beyond_k3,
+    fisheye_terms,
     five,
     left_out,
     lens,
@@ -152,10 +153,11 @@ def _key(index: int) -> str:
 def _camera(k: Intrinsics) -> dict[str, Any]:
     longer = max(k.width, k.height)
     return {
-        "projection_type": "brown", "width": k.width, "height": k.height,
+        "projection_type": "fisheye_opencv" if k.is_fisheye else "brown",
+        "width": k.width, "height": k.height,
         "focal_x": k.fx / longer, "focal_y": k.fy / longer,
         "c_x": (k.cx - k.width / 2) / longer, "c_y": (k.cy - k.height / 2) / longer,
-        **dict(zip(DISTORTION, five(k.dist), strict=True)),
+        **(fisheye_terms(k) if k.is_fisheye else dict(zip(DISTORTION, five(k.dist), strict=True))),
     }  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Lenses that OpenCV's model has no place for, fitted by its rational one."""
+"""Lenses that OpenCV's model has no place for, fitted by its rational one; fisheyes as they are."""
 
 from __future__ import annotations
 
@@ -13,15 +13,8 @@ from texproj.formats.interchange.model import Unusable, lens
 SAMPLES = 200
 NEWTON_STEPS = 30
 """Of a cubic, from a start that is off by half: ten bring it to the last digit."""
-WIDEST_RAD = np.radians(70.0)
-"""Angle off the axis at the picture's corner beyond which no fisheye is fitted."""
-MOST_FISHEYE_ERROR_PX, MOST_ERROR_PX = 0.1, 1.0
-"""Errors beyond which a fitted fisheye, or a fitted fourth term, is not taken."""
-
-TOO_WIDE = (
-    "its fisheye lens is too wide for a perspective one; undistort the photos there and import the"
-    " cameras of those"
-)
+MOST_ERROR_PX = 1.0
+"""Error beyond which a fitted fourth term is not taken."""
 
 Factor = Callable[[Doubles], Doubles]
 """(n,) undistorted radii to what they are multiplied by."""
@@ -85,26 +78,18 @@ def of_measurements(intrinsics: Intrinsics, k: float) -> tuple[Intrinsics, str]:
 def fisheye(
     size: tuple[float, float], f: Sequence[float], c: Sequence[float], k: Sequence[float]
 ) -> tuple[Intrinsics, str]:
-    """The lens of OpenCV's fisheye model: angle t off the axis at t (1 + k1 t^2 + .. + k4 t^8)
-    from the principal point, in units of the focal length (Kannala and Brandt 2006).
+    """The lens of OpenCV's fisheye model, see `texproj.fisheye`.
 
-    Returns the lens and a note with the largest error. Raises Unusable for lenses so wide that a
-    perspective picture has no place for them.
+    k: up to 4 radial coefficients, or all 8. Returns the lens and a note about pixels that are not
+    used, empty where all are. Raises Unusable for values that no camera has.
     """
-    polynomial = np.array([*reversed((*k, *(0.0,) * 4)[:4]), 1.0])
-
-    def factor(r: Doubles) -> Doubles:
-        angle = np.arctan(r)
-        return angle * np.polyval(polynomial, angle**2) / r
-
-    intrinsics = lens(*size, f, c)
-    widest = np.tan(WIDEST_RAD)
-    if (widest * factor(np.array([widest])))[0] < _corner(intrinsics):
-        raise Unusable(TOO_WIDE)
-    fitted, error_px = _fitted(intrinsics, factor, float(widest), (0.0, 0.0))
-    if not error_px <= MOST_FISHEYE_ERROR_PX:
-        raise Unusable(TOO_WIDE)
-    return fitted, f"its fisheye lens is fitted by OpenCV's rational one within {error_px:.2g} px"
+    dist = (*k, *(0.0,) * 8)[: 8 if len(k) > 4 else 4]
+    intrinsics = lens(*size, f, c, dist, "fisheye")
+    edge = intrinsics.distort([[0.999999 * intrinsics.max_radius, 0.0]])[0, 0]
+    if edge >= _corner(intrinsics):
+        return intrinsics, ""
+    widest = np.degrees(np.arctan(intrinsics.max_radius))
+    return intrinsics, f"of its fisheye lens {widest:.0f} degrees around the axis are used"
 
 
 def _fitted(

@@ -17,6 +17,7 @@ from texproj.formats.interchange.colmap import read_colmap, write_colmap
 from texproj.formats.interchange.meshlab import read_meshlab, write_meshlab
 from texproj.formats.interchange.meshroom import read_meshroom, write_meshroom
 from texproj.formats.interchange.metashape import read_metashape, write_metashape
+from texproj.formats.interchange.micmac import read_micmac, write_micmac
 from texproj.formats.interchange.model import ForeignModel, Shot, SizeOf, Written
 from texproj.formats.interchange.nerfstudio import read_nerfstudio, write_nerfstudio
 from texproj.formats.interchange.nerfstudio_poses import read_nerfstudio_poses
@@ -45,7 +46,8 @@ class CameraFormat:
 
     programs: whose it is; files: what they are called, of what we write the first; read, write:
     None where it goes one way only; accepted: the reader of other hands that took what we write
-    and found its cameras where ours are, empty where the definition alone was at hand.
+    and found its cameras where ours are, empty where the definition alone was at hand; fisheye:
+    whether it has a place for such lenses when we write it.
     """
 
     name: str
@@ -54,6 +56,7 @@ class CameraFormat:
     read: Reader | None = None
     write: Writer | None = None
     accepted: str = ""
+    fisheye: bool = False
 
 
 def _without_mesh(write: Callable[[Sequence[Shot]], Written]) -> Writer:
@@ -63,11 +66,11 @@ def _without_mesh(write: Callable[[Sequence[Shot]], Written]) -> Writer:
 FORMATS = (
     CameraFormat(
         "colmap", "COLMAP", "cameras.txt, images.txt, points3D.txt", read_colmap,
-        _without_mesh(write_colmap), "pycolmap",
+        _without_mesh(write_colmap), "pycolmap", fisheye=True,
     ),
     CameraFormat(
         "colmap-binary", "COLMAP", "cameras.bin, images.bin, points3D.bin", read_colmap,
-        lambda shots, mesh: write_colmap(shots, binary=True), "pycolmap",
+        lambda shots, mesh: write_colmap(shots, binary=True), "pycolmap", fisheye=True,
     ),
     CameraFormat(
         "bundler", "Bundler, VisualSFM, others", "bundle.out, list.txt", read_bundler,
@@ -76,7 +79,7 @@ FORMATS = (
     CameraFormat("meshlab", "MeshLab", "cameras.mlp", read_meshlab, write_meshlab, "PyMeshLab"),
     CameraFormat(
         "metashape", "Agisoft Metashape, PhotoScan", "cameras.xml", read_metashape,
-        _without_mesh(write_metashape),
+        _without_mesh(write_metashape), fisheye=True,
     ),
     CameraFormat(
         "realityscan", "RealityScan, RealityCapture", "cameras.csv", read_realityscan,
@@ -88,7 +91,7 @@ FORMATS = (
     ),
     CameraFormat(
         "nerfstudio", "nerfstudio, instant-ngp", "transforms.json", read_nerfstudio,
-        _without_mesh(write_nerfstudio),
+        _without_mesh(write_nerfstudio), fisheye=True,
     ),
     CameraFormat(
         "nerfstudio-poses", "nerfstudio (ns-export cameras)", "transforms_train.json",
@@ -103,7 +106,7 @@ FORMATS = (
     ),
     CameraFormat(
         "opensfm", "OpenSfM, OpenDroneMap", "reconstruction.json", read_opensfm,
-        _without_mesh(write_opensfm),
+        _without_mesh(write_opensfm), fisheye=True,
     ),
     CameraFormat(
         "blocks-exchange", "iTwin Capture, ContextCapture, DJI Terra", "blocks.xml",
@@ -133,6 +136,10 @@ FORMATS = (
         "table", "surveyors, drones, Metashape, Pix4D", "orientations.txt", read_table,
         _without_mesh(write_table),
     ),
+    CameraFormat(
+        "micmac", "MicMac (Apero, Tapas)", "Orientation-PHOTO.xml and calibrations", read_micmac,
+        _without_mesh(write_micmac),
+    ),
     CameraFormat("blender", "Blender", "cameras.py", None, write_blender, "Blender 5.0"),
 )  # fmt: skip
 
@@ -141,3 +148,6 @@ READERS = {form.name: form.read for form in FORMATS if form.read is not None}
 
 WRITERS = {form.name: form.write for form in FORMATS if form.write is not None}
 """Writers by the name of their format."""
+
+FISHEYE_WRITERS = tuple(form.name for form in FORMATS if form.fisheye)
+"""Formats that we write fisheyes to."""

@@ -16,7 +16,8 @@ def upright(camera: Camera, orientation: int) -> Camera | None:
     None for mirrored photos (no camera makes them) and for tilted sensors.
     """
     turns = QUARTER_TURNS.get(orientation)
-    if turns is None or any(camera.intrinsics.dist[12:]):
+    tilted = any(camera.intrinsics.dist[12:])
+    if turns is None or tilted:
         return None
     for _ in range(turns):
         camera = _turned_clockwise(camera)
@@ -28,10 +29,14 @@ def _turned_clockwise(camera: Camera) -> Camera:
     k, pose = camera.intrinsics, camera.pose
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     dist = list(k.dist)
-    if len(dist) >= 4:  # decentering is a vector (p2, p1) in the image
+    if k.is_fisheye:
+        if len(dist) == 8:
+            p1, p2, s1, s2 = dist[4:]
+            dist[4:] = [p2, -p1, -s2, s1]
+    elif len(dist) >= 4:  # decentering is a vector (p2, p1) in the image
         dist[2], dist[3] = dist[3], -dist[2]
-    if len(dist) >= 12:  # so are the thin prism terms (s1, s3) and (s2, s4)
+    if not k.is_fisheye and len(dist) >= 12:  # so are the thin prism terms (s1, s3) and (s2, s4)
         s1, s2, s3, s4 = dist[8:12]
         dist[8:12] = [-s3, -s4, s1, s2]
-    turned = Intrinsics(k.height, k.width, k.fy, k.fx, k.height - k.cy, k.cx, tuple(dist))
+    turned = Intrinsics(k.height, k.width, k.fy, k.fx, k.height - k.cy, k.cx, tuple(dist), k.model)
     return Camera(turned, Pose(turn @ pose.R, turn @ pose.t))

@@ -9,32 +9,37 @@ from pathlib import Path
 from texproj.errors import InputError
 from texproj.formats.documents import read_bytes
 from texproj.formats.foreign import Broken
-from texproj.formats.meshes.gltf import has_texture_coordinates, read_gltf
-from texproj.formats.meshes.obj import read_obj
+from texproj.formats.meshes.gltf import gltf_parts, placed_together
+from texproj.formats.meshes.gltf_document import GltfDocument
+from texproj.formats.meshes.gltf_layout import gltf_layout
+from texproj.formats.meshes.obj import ObjFile
 from texproj.formats.meshes.off import read_off
 from texproj.formats.meshes.ply import ply_header, read_ply
 from texproj.formats.meshes.polygons import Faces, Vertices
 from texproj.formats.meshes.scene import read_stl
+from texproj.layout import Layout
 
 MESH_SUFFIXES = (".ply", ".obj", ".stl", ".off", ".glb", ".gltf")
 
 MOST_BYTES = 32 << 30
 """The file is read whole; 300 million faces take less."""
 
-TEXTURED = (
-    "it brings its own texture coordinates: they and its textures are not used; colors come from"
-    " the photos alone, and a texture gets a layout of its own"
+PLY_TEXTURED = (
+    "it brings its own texture coordinates, which are not used: colors come from the photos alone,"
+    " and a texture gets a layout of its own; export it as glb or obj to keep them"
 )
 
 
 @dataclass(frozen=True, eq=False)
 class MeshFile:
     """What a mesh file holds: (V, 3) float64 vertices, (F, 3) int32 triangles, both as the file
-    has them, and notes: what of it is not used, one sentence each.
+    has them; layout: where these lie in textures, if it says so; notes: what of it is not used, one
+    sentence each.
     """
 
     vertices: Vertices
     faces: Faces
+    layout: Layout | None = None
     notes: tuple[str, ...] = ()
 
 
@@ -45,10 +50,11 @@ def read_mesh(path: Path) -> tuple[Vertices, Faces]:
 
 
 def read_mesh_file(path: Path) -> MeshFile:
-    """The geometry of a ply, obj, stl, off, glb or gltf file.
+    """A ply, obj, stl, off, glb or gltf file.
 
     As the file has it: nothing is welded or dropped, doubles stay doubles, polygons become
     triangles, the parts of a scene are placed by their transforms and put one after the other.
+    Texture coordinates that contradict themselves are left out, with a note.
     Raises InputError for a file that is missing, broken, of another kind or without triangles.
     """
     kind = path.suffix.lower()
@@ -58,29 +64,35 @@ def read_mesh_file(path: Path) -> MeshFile:
     if not data.strip():
         raise InputError(f"{path}: the file is empty")
     try:
-        vertices, faces = _reader(kind)(path, data)
-        textured = _brings_texture(kind, data)
+        mesh = _read(kind, path, data)
     except Broken as error:
         raise InputError(f"{path}: damaged, or no {kind[1:].upper()} file ({error})") from None
-    if not len(faces):
-        what = "points but no faces: give a triangle mesh" if len(vertices) else "no geometry"
+    if not len(mesh.faces):
+        what = "points but no faces: give a triangle mesh" if len(mesh.vertices) else "no geometry"
         raise InputError(f"{path}: the file holds {what}")
-    return MeshFile(vertices, faces, (TEXTURED,) if textured else ())
+    return mesh
 
 
-def _reader(kind: str) -> Callable[[Path, bytes], tuple[Vertices, Faces]]:
-    readers: dict[str, Callable[[Path, bytes], tuple[Vertices, Faces]]] = {
-        ".obj": lambda path, data: read_obj(data),
-        ".off": lambda path, data: read_off(data),
-        ".stl": lambda path, data: read_stl(data),
-        ".ply": read_ply,
-    }
-    return readers.get(kind, read_gltf)
-
-
-def _brings_texture(kind: str, data: bytes) -> bool:
-    if kind == ".obj":
-        return b"\nvt " in data
+def _read(kind: str, path: Path, data: bytes) -> MeshFile:
+    if kind == ".off":
+        return MeshFile(*read_off(data))
+    if kind == ".stl":
+        return MeshFile(*read_stl(data))
     if kind == ".ply":
-        return ply_header(data).textured
-    return kind in (".glb", ".gltf") and has_texture_coordinates(data)
+        vertices, faces = read_ply(path, data)
+        return MeshFile(vertices, faces, None, (PLY_TEXTURED,) if ply_header(data).textured else ())
+    if kind == ".obj":
+        obj = ObjFile(path, data)
+        return _with_layout(*obj.geometry(), obj.layout)
+    document = GltfDocument(path, data)
+    parts = gltf_parts(document)
+    return _with_layout(*placed_together(parts), lambda: gltf_layout(document, parts))
+
+
+def _with_layout(vertices: Vertices, faces: Faces, layout: Callable[[], Layout | None]) -> MeshFile:
+    """The mesh with its layout, or with a note where that cannot be read."""
+    try:
+        return MeshFile(vertices, faces, layout())
+    except (Broken, InputError) as error:
+        told = f"its texture coordinates cannot be used ({error}); a texture gets its own layout"
+        return MeshFile(vertices, faces, None, (told,))

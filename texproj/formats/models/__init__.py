@@ -5,19 +5,27 @@ from texproj.formats.models.glb import GlbImage, write_colored_glb, write_glb
 from texproj.formats.models.images import (
     ImageFormat,
     encode_image,
+    numbered,
     page_files,
     to_8_bit,
     write_pages,
 )
+from texproj.formats.models.lit import Gloss, Images, Parts, write_glossy_glb, write_lit_glb
 from texproj.formats.models.obj import write_obj
+from texproj.formats.models.page_names import file_endings
 from texproj.formats.models.ply import write_ply
 from texproj.formats.models.read import read_model, scan_from_node
 from texproj.formats.models.usdz import write_usdz
 
 __all__ = [
     "GlbImage",
+    "Gloss",
     "ImageFormat",
+    "Images",
+    "Parts",
     "encode_image",
+    "file_endings",
+    "numbered",
     "page_files",
     "read_model",
     "require_basisu",
@@ -25,7 +33,9 @@ __all__ = [
     "to_8_bit",
     "write_colored_glb",
     "write_glb",
+    "write_glossy_glb",
     "write_ktx2",
+    "write_lit_glb",
     "write_obj",
     "write_pages",
     "write_ply",

@@ -16,6 +16,9 @@ from texproj.formats.models.glb import UPRIGHT
 from texproj.mesh import ColoredMesh, TexturedMesh
 from texproj.photo import srgb_from_linear
 
+ON_THE_EDGE = 1e-6
+"""Of a tile: corners this far beyond its border lie on it. Each part lies in one tile."""
+
 
 def read_model(path: Path) -> TexturedMesh | ColoredMesh:
     """A ply with vertex colors, an obj with textures, or a glb with either.
@@ -77,6 +80,7 @@ class _Part:
         self.page: NDArray[np.uint8] | None = None
         if image is not None and uv is not None:
             self.page = np.asarray(image.convert("RGB"))
+            self.uv -= np.floor(self.uv.min(axis=0, initial=1.0) + ON_THE_EDGE)
 
 
 def _textured(parts: list[_Part]) -> TexturedMesh:

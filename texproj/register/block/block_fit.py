@@ -14,6 +14,18 @@ from texproj.register.block.similarity import Similarity
 
 
 @dataclass(frozen=True, eq=False)
+class Candidate:
+    """A place of a block: where it was put, its cameras after they were adjusted, and the numbers
+    that `BlockFit` has of it.
+    """
+
+    world_from_block: Similarity
+    cameras: Mapping[str, Camera]
+    expected_error_px: Mapping[str, float]
+    support: float
+
+
+@dataclass(frozen=True, eq=False)
 class BlockFit:
     """world_from_block: where the block was put; sigma: (7,) standard deviations of its rotation
     about `pivot` (3,) world (rad, world axes), of the pivot's place (mesh units), and of the
@@ -24,8 +36,9 @@ class BlockFit:
     mesh's structure that the photos show in place; rival: the same at the best place elsewhere;
     mirror_t: Student's t of the photos against their mirror images, positive where they are the
     right way round, 0 where the place is refused for another reason. accepted: the verdict;
-    reason: one sentence with the next step where it is refused, or what to mind; quality: further
-    numbers for the report.
+    reason: one sentence with the next step where it is refused, or what to mind; candidates: the
+    places among which somebody has to choose, the best first, where that is why it is refused;
+    quality: further numbers for the report.
     """
 
     world_from_block: Similarity
@@ -38,6 +51,7 @@ class BlockFit:
     mirror_t: float
     accepted: bool
     reason: str
+    candidates: tuple[Candidate, ...] = ()
     quality: dict[str, Any] = field(default_factory=dict)
 
     @property

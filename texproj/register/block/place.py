@@ -2,30 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
 
 from texproj.arrays import Doubles
-from texproj.camera import Camera
 from texproj.errors import RegistrationError
 from texproj.mesh import Mesh
+from texproj.register.block.adjusting import Asked, adjusted
 from texproj.register.block.block_fit import BlockFit
-from texproj.register.block.bundle import bundled
-from texproj.register.block.certainty import Certainty, certainty
+from texproj.register.block.candidates import candidates
+from texproj.register.block.certainty import certainty
 from texproj.register.block.cloud import LEAST_POINTS, Cloud
 from texproj.register.block.decide import Judged, same_place
 from texproj.register.block.mirror_test import MirrorTest, mirror_test
 from texproj.register.block.placed_block import PlacedBlock
 from texproj.register.block.propose import proposers
 from texproj.register.block.reconstruction import Reconstruction
-from texproj.register.block.said import by_place, seen_on_mesh
 from texproj.register.block.scan import Scan
-from texproj.register.block.search import Search, Told
+from texproj.register.block.search import NOBODY, Listener, Search
 from texproj.register.block.slides import slides, untold
 from texproj.register.block.upright import Upright
-from texproj.register.block.verdict import doubt, refusal, slippery
+from texproj.register.block.verdict import doubt, refusal, slippery, torn
 from texproj.register.block.witnesses import LoadPhoto, Witness, called
 from texproj.render import Render
 
@@ -43,22 +42,26 @@ class Beforehand:
     up: Doubles | None = None
 
 
+NOTHING = Beforehand()
+
+
 def place_block(
     block: Reconstruction,
     mesh: Mesh,
     render: Render,
     load_photo: LoadPhoto,
-    told: Told = lambda what, share: None,
-    known: Beforehand = Beforehand(),
+    listener: Listener = NOBODY,
+    known: Beforehand = NOTHING,
     seed: int = 0,
 ) -> BlockFit:
     """Where on `mesh` the photos of `block` belong, and whether to believe it.
 
     render: depth, normal, ambient occlusion and front of the mesh, or of its `light_mesh`, for a
-    camera; load_photo: a photo by name, reduced to about 1024 pixels. The same seed gives the same
-    result. Raises RegistrationError where there is nothing to compare.
+    camera; load_photo: a photo by name, reduced to about 1024 pixels; listener: is told how far the
+    search is, and the best place so far. The same seed gives the same result. Raises
+    RegistrationError where there is nothing to compare.
     """
-    told("comparing the photos' points with the mesh", 0.0)
+    listener.told("comparing the photos' points with the mesh", 0.0)
     cloud = Cloud.of(block, seed)
     if len(cloud) < LEAST_POINTS:
         raise RegistrationError(
@@ -71,21 +74,11 @@ def place_block(
         raise RegistrationError(next(iter(broken.values()), "the block has no photos"))
     upright = None if known.up is None else Upright.of(block, known.up)
     places = proposers(block, mesh, cloud, scan, seed, upright)
-    search = Search(places, witnesses[:ASKED], told, upright)
-    return _concluded(search.run(), search, _Asked(block, witnesses, broken, known.calibrated))
+    search = Search(places, witnesses[:ASKED], listener, upright)
+    return _concluded(search.run(), search, Asked(block, witnesses, broken, known.calibrated))
 
 
-@dataclass(frozen=True, eq=False)
-class _Asked:
-    """A block and its photos: those that are asked, why others cannot be, whose lens is given."""
-
-    block: Reconstruction
-    witnesses: tuple[Witness, ...]
-    broken: dict[str, str]
-    calibrated: Collection[str]
-
-
-def _concluded(found: list[Judged], search: Search, asked: _Asked) -> BlockFit:
+def _concluded(found: list[Judged], search: Search, asked: Asked) -> BlockFit:
     if not found or not found[0].seen:
         raise RegistrationError(
             "the points that the photos have in common fit nowhere on the mesh "
@@ -94,25 +87,28 @@ def _concluded(found: list[Judged], search: Search, asked: _Asked) -> BlockFit:
     best, witnesses = found[0], asked.witnesses
     elsewhere = [j for j in found[1:] if not same_place(search.witnesses, best, j)]
     rival = max((search.rivalry(best, j) for j in elsewhere), default=0.0)
-    search.told("looking at details", 0.7)
+    rivals = [j for j in elsewhere if torn(best.support, search.rivalry(best, j))]
+    search.listener.told("looking at details", 0.7)
     sure = certainty(witnesses, best)
-    reason = _slides_away(best, sure.placed, witnesses) or refusal(sure.support, rival)
+    slippery_mesh = _slides_away(best, sure.placed, witnesses)
+    reason = slippery_mesh or refusal(sure.support, rival)
     mirror = MirrorTest(0.0)
     if not reason:
-        search.told("comparing with the mirror image", 0.8)
+        search.listener.told("comparing with the mirror image", 0.8)
         mirror = mirror_test(witnesses, ASKED, best)
-    cameras, errors_px = _adjusted(asked, best, sure)
+    place = adjusted(asked, best, sure)
     return BlockFit(
         world_from_block=sure.placed.world_from_block,
         sigma=sure.sigma,
         pivot=best.place.pivot,
-        cameras=dict(zip(asked.block.names, cameras, strict=True)),
-        expected_error_px=dict(zip(asked.block.names, errors_px, strict=True)),
+        cameras=place.cameras,
+        expected_error_px=place.expected_error_px,
         support=sure.support,
         rival=rival,
         mirror_t=mirror.t,
         accepted=not reason and not mirror.refused,
         reason=reason or doubt(mirror),
+        candidates=() if slippery_mesh else candidates(asked, place, rivals),
         quality={
             "sight": best.place.sight,
             "rival_sight": max((j.place.sight for j in elsewhere), default=0.0),
@@ -122,21 +118,6 @@ def _concluded(found: list[Judged], search: Search, asked: _Asked) -> BlockFit:
             "photos_unreadable": asked.broken,
         },
     )
-
-
-def _adjusted(
-    asked: _Asked, best: Judged, sure: Certainty
-) -> tuple[Sequence[Camera], Sequence[float]]:
-    """The cameras with the block's points on the mesh, and their expected errors, pixels."""
-    block, samples = asked.block, best.place.proposer.scan.samples
-    cameras = [sure.placed.camera(camera) for camera in block.cameras]
-    errors = [sure.expected_percent / 100 * max(c.width, c.height) for c in cameras]
-    points = sure.placed.world_from_block.apply(block.points)
-    said = by_place(block, cameras, errors, seen_on_mesh(block, points, samples))
-    found = bundled(block, cameras, points, samples, said, asked.calibrated)
-    if found is None:
-        return cameras, errors
-    return found.cameras, [float(error) for error in found.expected_error_px]
 
 
 def _slides_away(best: Judged, placed: PlacedBlock, witnesses: tuple[Witness, ...]) -> str:

@@ -8,11 +8,27 @@ from dataclasses import dataclass
 from texproj.register.block.decide import Judged, judged, same_place
 from texproj.register.block.propose import PART_SCALES, SCALE_BATCHES, Place, Proposer
 from texproj.register.block.upright import LESS_LIKELY, Upright
+from texproj.register.block.verdict import torn
 from texproj.register.block.witnesses import Witness
 
 Told = Callable[[str, float], None]
 """``told(what, share)``: what is being done and the share of all that is done, 0 .. 1; whoever
 listens may raise to stop the work."""
+
+Watched = Callable[[Judged], None]
+"""``watched(place)``: the best place so far."""
+
+
+@dataclass(frozen=True, eq=False)
+class Listener:
+    """Who is told how a search goes."""
+
+    told: Told = lambda what, share: None
+    watched: Watched = lambda place: None
+
+
+NOBODY = Listener()
+
 
 TRIED, TRIED_OF_PARTS = 5, 2
 """Places of a batch of scales that the photos are asked about, at most; the second where block or
@@ -28,12 +44,13 @@ SURE_SUPPORT = 0.45
 @dataclass(frozen=True, eq=False)
 class Search:
     """proposers: the likeliest first; witnesses: the photos that are asked about every place;
-    upright: which places are likelier than others, where that is known.
+    listener: is told of each place that is better than all before; upright: which places are
+    likelier than others, where that is known.
     """
 
     proposers: Iterable[Proposer]
     witnesses: tuple[Witness, ...]
-    told: Told
+    listener: Listener
     upright: Upright | None = None
 
     def run(self) -> list[Judged]:
@@ -42,9 +59,9 @@ class Search:
         for k, proposer in enumerate(self.proposers):
             for j, scales in enumerate((PART_SCALES,) if proposer.part else SCALE_BATCHES):
                 share = 0.6 - 0.6 / (1 + j + k)
-                self.told("comparing the photos' points with the mesh", share)
+                self.listener.told("comparing the photos' points with the mesh", share)
                 places = proposer.places(scales)
-                self.told("asking the photos", share)
+                self.listener.told("asking the photos", share)
                 most = TRIED_OF_PARTS if proposer.part else TRIED
                 self._ask(self._worth_asking(places, found, most), found)
                 if found and self._best(found).support >= SURE_SUPPORT:
@@ -67,10 +84,14 @@ class Search:
         return self._ranked(found)[0]
 
     def _ask(self, places: list[Place], found: list[Judged]) -> None:
-        """Adds to `found`, until the photos are sure of one place and another was tried."""
+        """Adds to `found`, until the photos are sure of one place and another that was tried is no
+        rival; all rivals are found out.
+        """
         for place in places:
             if not self._near_the_sure(place, found):
                 found.append(judged(self.witnesses, place))
+                if self._best(found) is found[-1]:
+                    self.listener.watched(found[-1])
             if self._decided(found):
                 return
 
@@ -91,10 +112,12 @@ class Search:
         return likely + [p for p in elsewhere if p not in likely]
 
     def _decided(self, found: list[Judged]) -> bool:
-        """The photos are sure of one place, and another was tried."""
+        """The photos are sure of one place, and another was tried, and none is a rival."""
         if not found:
             return False
         best = self._best(found)
         if best.support < SURE_SUPPORT:
             return False
-        return any(not same_place(self.witnesses, best, other) for other in found)
+        elsewhere = [j for j in found if not same_place(self.witnesses, best, j)]
+        rivals = (self.rivalry(best, j) for j in elsewhere)
+        return bool(elsewhere) and not any(torn(best.support, rival) for rival in rivals)

@@ -16,12 +16,19 @@ def refusal(support: float, rival: float) -> str:
             f"only {support:.0%} of the mesh's structure is found in the photos at the best place "
             "(is it the same object? else pick 8 points in one photo)"
         )
-    if support < LEAST_LEAD * rival:
+    if torn(support, rival):
         return (
             f"the photos fit the mesh in two places nearly as well ({support:.0%} and {rival:.0%} "
             "of its structure; pick 8 points in one photo)"
         )
     return ""
+
+
+def torn(support: float, rival: float) -> bool:
+    """Whether the place and its rival elsewhere are both as right places are, so that whoever knows
+    the thing can tell which it is.
+    """
+    return support >= LEAST_SUPPORT and support < LEAST_LEAD * rival
 
 
 def slippery(motion: str) -> str:

@@ -110,7 +110,7 @@ def _sigma(name: str, lens: Intrinsics) -> float:
 
 def _solved(name: str, lens: Intrinsics) -> bool:
     if name in ("k1", "k2"):
-        return len(lens.dist) <= LONGEST_MODEL
+        return len(lens.dist) <= LONGEST_MODEL and not lens.is_fisheye
     return name != "aspect"
 
 
@@ -123,7 +123,8 @@ def _common_lens(lenses: Sequence[Intrinsics], group: NDArray[np.intp], k: int) 
     fx = float(np.exp(np.median(np.log([lens.fx for lens in alike]))))
     same = [
         lens for lens in alike
-        if (lens.width, lens.height, len(lens.dist)) == (own.width, own.height, len(own.dist))
+        if (lens.width, lens.height, lens.model, len(lens.dist))
+        == (own.width, own.height, own.model, len(own.dist))
     ]  # fmt: skip
     aspect = float(np.median([lens.fy / lens.fx for lens in same]))
     cx, cy = np.median([(lens.cx, lens.cy) for lens in same], axis=0)

@@ -73,7 +73,7 @@ def _round(mesh: Mesh, lens: Intrinsics, radius_px: float, views: int) -> list[C
     """Cameras all around that see the mesh at about the wanted size."""
     spread = float(np.sqrt(((mesh.vertices - mesh.center) ** 2).sum(axis=1).mean()))
     distance = max(lens.fx * spread / radius_px, 0.6 * mesh.diagonal)
-    middle = replace(lens, cx=lens.width / 2, cy=lens.height / 2, dist=())
+    middle = replace(lens.pinhole, cx=lens.width / 2, cy=lens.height / 2)
     return [
         Camera(middle, Pose.look_at(mesh.center + distance * d, mesh.center))
         for d in sphere_directions(views)

@@ -73,6 +73,6 @@ def mirrored_camera(camera: Camera, middle_in_cam: Doubles, facing_in_cam: Doubl
 def mirrored_intrinsics(k: Intrinsics) -> Intrinsics:
     """Of the same photo with left and right exchanged; p2, s1, s2 and ty change their sign."""
     sign = np.ones(14)
-    sign[[3, 8, 9, 13]] = -1
+    sign[[5, 6] if k.is_fisheye else [3, 8, 9, 13]] = -1
     dist = tuple(np.array(k.dist) * sign[: len(k.dist)])
     return replace(k, cx=k.width - k.cx, dist=dist)

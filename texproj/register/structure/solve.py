@@ -57,7 +57,7 @@ class LensPrior:
     def of(cls, camera: Camera, options: StructureOptions) -> LensPrior:
         k = camera.intrinsics
         k1 = k.dist[0] if k.dist else 0.0
-        return cls(k.fx, options.focal_sigma, k1, options.k1_sigma)
+        return cls(k.fx, options.focal_sigma, k1, 0.0 if k.is_fisheye else options.k1_sigma)
 
     @property
     def free(self) -> tuple[str, ...]:

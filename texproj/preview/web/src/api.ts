@@ -41,6 +41,8 @@ export interface Facts {
   mesh: { key: string; file: string };
   photos: PhotoFacts[];
   models: Record<string, string | null>;
+  /** Files to be taken away, and the word for each. */
+  downloads: { name: string; word: string }[];
   /** Photos that are left out of everything. */
   excluded: string[];
   /** What is made: vertices, texture or patches. */
@@ -136,6 +138,42 @@ export interface SettingsForm {
   tables: SettingsTable[];
 }
 
+/** Where all photos together may be. support: share of the model's structure in place there. */
+export interface Place {
+  support: number;
+  points: Vec3[];
+  cameras: Record<string, Camera>;
+}
+
+/** draft: the best place so far while photos are placed; question: which of several is right. */
+export interface Places {
+  draft: Place | null;
+  question: {
+    photos: string[];
+    /** The photos through which the places are shown. */
+    looks: string[];
+    places: Place[];
+    /** A number from 1, 0 for none of them, null as long as nobody has chosen. */
+    answer: number | null;
+  } | null;
+}
+
+export type Rgb = Vec3;
+
+/** How the surface can be lit anew; directions are unit vectors in the scan's frame. */
+export interface Lights {
+  up: Vec3;
+  front: Vec3;
+  right: Vec3;
+  /** Nine spherical harmonics of an open surface's irradiance. */
+  skies: { overcast: Rgb[]; photographed?: Rgb[]; none?: Rgb[] };
+  /** Of the photos, where they had one. */
+  sun: { direction: Vec3; irradiance: Rgb } | null;
+  sun_lux: number;
+  kelvin: number[];
+  tints: Rgb[];
+}
+
 export interface Pack {
   facts: Record<string, unknown>;
   arrays: Record<string, Float32Array | Uint32Array | Uint8Array | Int8Array>;
@@ -190,8 +228,12 @@ export const facts = () => json<Facts>(demand("/api/project"));
 export const hit = (origin: Vec3, direction: Vec3) =>
   json<Hit | null>(demand("/api/hit", sending("POST", { origin, direction })));
 
-export const startJob = (kind: string, photo?: string) =>
-  json<Job>(demand("/api/jobs", sending("POST", { kind, photo })));
+export const startJob = (kind: string, more: { photo?: string; place?: number | null } = {}) =>
+  json<Job>(demand("/api/jobs", sending("POST", { kind, ...more })));
+
+export const lights = () => json<Lights>(demand("/api/lights"));
+
+export const places = () => json<Places>(demand("/api/places"));
 
 export const cancelJob = (id: number) => request(`/api/jobs/${id}`, { method: "DELETE" });
 

@@ -7,18 +7,21 @@ import { Edits } from "./edits.ts";
 import { Home } from "./home.ts";
 import type { Host } from "./host.ts";
 import { LayerLoader, showLegend } from "./layers.ts";
-import type { Vec2 } from "./lens.ts";
+import type { Camera, Vec2 } from "./lens.ts";
 import { lockButtons, notice, runningJob, showJob } from "./notice.ts";
-import { loadTexture } from "./overlay.ts";
 import type { Look } from "./panel.ts";
-import { LAYERS, viewPanel } from "./panel.ts";
+import { viewPanel } from "./panel.ts";
 import { PhotoList, worstFirst } from "./photolist.ts";
 import { MaskMode } from "./maskmode.ts";
 import { maskPanel } from "./maskpanel.ts";
+import { exposePictures } from "./exposure.ts";
 import { download, modelSection } from "./modelpanel.ts";
 import { PickHands } from "./pickhands.ts";
 import { PickMode } from "./pickmode.ts";
 import { pickPanel } from "./pickpanel.ts";
+import { Places } from "./places.ts";
+import { Relight } from "./relight.ts";
+import { showTitle } from "./title.ts";
 import { showStart } from "./startcard.ts";
 import type { Layer } from "./surface.ts";
 import { Viewport } from "./viewport.ts";
@@ -34,13 +37,14 @@ export class App implements Host {
   readonly picking = new PickMode(this);
   readonly hands = new PickHands(this.picking);
   readonly masks = new MaskMode(this, this.picking.pane);
+  readonly places = new Places(this);
+  readonly relight = new Relight(this);
   private readonly list = new PhotoList(() => this.show());
   private readonly edits = new Edits(this);
   private readonly loader = new LayerLoader(this.viewport.surface);
   private meshKey = "";
   private refreshing: Promise<void> | null = null;
   private again = false;
-  private overlayPhoto = "";
   /** The layer that was asked for last; one that arrives late and is another is not shown. */
   private wanted: Layer = "shaded";
   private startCard = true;
@@ -67,8 +71,12 @@ export class App implements Host {
     return this.facts?.photos.find((photo) => photo.name === this.chosen) ?? null;
   }
 
+  get photos(): api.PhotoFacts[] {
+    return this.facts?.photos ?? [];
+  }
+
   get unregistered(): number {
-    return (this.facts?.photos ?? []).filter(({ status }) => status !== "registered" && status !== "broken").length;
+    return this.photos.filter(({ status }) => status !== "registered" && status !== "broken").length;
   }
 
   get mode(): string {
@@ -112,6 +120,14 @@ export class App implements Host {
     this.show();
   }
 
+  lookThrough(photo: string, camera: Camera): void {
+    this.chosen = photo;
+    this.viewport.enterPhoto(camera);
+    void this.loadOverlay(photo);
+    this.change({ opacity: 1, wipe: 0.5 });
+    this.show();
+  }
+
   exitPhoto(): void {
     this.viewport.exitPhoto();
     this.show();
@@ -151,9 +167,9 @@ export class App implements Host {
     this.show();
   }
 
-  async start(kind: string): Promise<void> {
+  async start(kind: string, more: { place?: number | null } = {}): Promise<void> {
     notice("");
-    const job = await api.startJob(kind).catch((error: unknown) => this.complain(error));
+    const job = await api.startJob(kind, more).catch((error: unknown) => this.complain(error));
     if (job) showJob(job);
     this.show();
   }
@@ -191,6 +207,7 @@ export class App implements Host {
     if (layer !== this.look.layer) this.show();
     try {
       await this.loader.load(layer, this.facts!, photo, this.look.factor);
+      if (layer === "relit") await this.relight.load(this.facts!.models["appearance.ply"]!);
     } catch (error) {
       if (this.wanted === layer) this.wanted = this.look.layer;
       this.complain(error);
@@ -220,6 +237,7 @@ export class App implements Host {
     const layers: Layer[] = facts ? ["shaded", "normals", "ao"] : [];
     if (facts?.models["model.ply"]) layers.push("color");
     if (facts?.models["model.glb"]) layers.push("texture");
+    if (facts?.models["appearance.ply"]) layers.push("base", "relit");
     if (facts?.photos.some((photo) => photo.status === "registered")) layers.push("mean", "coverage", "source");
     if (this.photo ? this.photo.status === "registered" : layers.includes("source")) layers.push("weights");
     return new Set(layers);
@@ -251,7 +269,8 @@ export class App implements Host {
       choose: (photo) => this.choose(photo),
     });
     this.showPanel();
-    showStart(this.facts, this.startCard && this.mode === "view" && !runningJob(), {
+    this.places.show(this.mode === "view");
+    showStart(this.facts, this.startCard && this.mode === "view" && !runningJob() && !this.places.asking, {
       run: () => void this.start("run"),
       pick: (photo) => void this.pick(photo),
       close: () => {
@@ -261,8 +280,8 @@ export class App implements Host {
     });
     lockButtons();
     const inPhoto = this.viewport.photoCamera !== null;
-    byId("model-title").textContent = inPhoto && this.mode === "view" ? `Through ${this.chosen}` : "";
-    byId("wipe").hidden = !inPhoto || this.mode !== "view";
+    byId("model-title").textContent = inPhoto && this.mode === "view" ? this.places.title(`Through ${this.chosen}`) : "";
+    byId("wipe").hidden = !(inPhoto || this.relight.splits) || this.mode !== "view";
     this.viewport.frustums.mark(this.chosen, null);
     showLegend(this.look.layer, this.loader.span);
     this.viewport.invalidate();
@@ -287,13 +306,14 @@ export class App implements Host {
             mask: (photo) => void this.mask(photo),
             viewNamed: (name) => this.choose(this.facts!.photos.find((photo) => photo.name === name)!),
           });
-    if (this.mode === "view") parts.push(this.modelPart());
+    if (this.mode === "view") parts.push(...this.relight.section(), ...this.places.section(), this.modelPart());
     byId("panel").replaceChildren(...parts);
   }
 
   private modelPart(): HTMLElement {
     return modelSection(this.facts!, {
       make: (to) => void this.edits.makeTo(to),
+      film: () => void this.start("turntable"),
       takePicture: () => void download(this.viewport.picture(), `${this.facts!.name}.png`),
     });
   }
@@ -301,6 +321,8 @@ export class App implements Host {
   applyLook(): void {
     const { surface, overlay, frustums } = this.viewport;
     surface.setExposure(this.look.exposure);
+    this.viewport.wipe = this.look.wipe;
+    this.relight.apply();
     surface.setRoughness(this.look.roughness);
     surface.setLightDirection(...this.look.light);
     overlay.setLook(this.look.opacity, this.look.wipe, this.look.exposure);
@@ -317,7 +339,7 @@ export class App implements Host {
     this.facts = await api.facts();
     this.edits.forget();
     if (this.mode === "pick" && this.photo) this.picking.photo = this.photo;
-    this.title();
+    showTitle(this.facts!, this.viewport.surface.faces);
     if (this.facts.mesh.key !== this.meshKey) await this.loadMesh();
     const { surface, frustums } = this.viewport;
     frustums.set(this.facts.photos, surface.center, surface.radius, () => this.viewport.invalidate());
@@ -326,6 +348,7 @@ export class App implements Host {
     await this.setLayer(first ? this.bestLayer() : this.wanted);
     this.followCamera();
     this.applyLook();
+    await this.places.load();
     this.show();
     document.body.dataset.ready = "true";
     byId("loading").hidden = true;
@@ -338,20 +361,12 @@ export class App implements Host {
     return when("model.glb") > when("model.ply") ? "texture" : "color";
   }
 
-  private title(): void {
-    const { name, photos, mesh } = this.facts!;
-    if (!document.title.includes(name)) document.title = `${name} \u2013 texproj`;
-    byId("project-name").textContent = name;
-    const { faces } = this.viewport.surface;
-    byId("project-facts").textContent = `${photos.length} photos, ${faces ? `${faces.toLocaleString("en")} faces` : mesh.file}`;
-  }
-
   private async loadMesh(): Promise<void> {
     const pack = await api.pack("/api/mesh/full");
     this.viewport.surface.setFull(pack!);
     this.loader.forget();
     this.meshKey = this.facts!.mesh.key;
-    this.title();
+    showTitle(this.facts!, this.viewport.surface.faces);
     void this.loadLight();
   }
 
@@ -371,29 +386,13 @@ export class App implements Host {
     if (JSON.stringify(camera) !== JSON.stringify(this.viewport.photoCamera)) this.viewport.enterPhoto(camera);
   }
 
-  /** The photo at full size, over the view; a small one while it loads. */
+  /** The photo over the view. */
   async loadOverlay(name: string): Promise<void> {
-    if (this.overlayPhoto === name) return;
-    this.overlayPhoto = name;
-    this.viewport.overlay.setPhoto(null);
-    for (const size of [1600, 8192] as const) {
-      const texture = await loadTexture(api.imageUrl(name, size)).catch(() => null);
-      if (this.overlayPhoto !== name || !texture) return;
-      this.viewport.overlay.setPhoto(texture);
-      this.viewport.overlay.show(this.viewport.photoCamera !== null && !this.viewport.flying);
+    const { overlay } = this.viewport;
+    await overlay.load(name, (size) => {
+      overlay.show(this.viewport.photoCamera !== null && !this.viewport.flying);
       this.viewport.invalidate();
       document.body.dataset.overlay = `${name} ${size}`;
-    }
+    });
   }
-
-  layerByNumber(number: number): void {
-    const entry = LAYERS[number - 1];
-    if (entry) void this.setLayer(entry.layer);
-  }
-}
-
-/** Photos outside of the 3D view are shown with the same exposure, on linear light. */
-function exposePictures(stops: number): void {
-  document.body.dataset.exposed = String(stops !== 0);
-  for (const channel of document.querySelectorAll("#exposed [type=linear]")) channel.setAttribute("slope", String(2 ** stops));
 }

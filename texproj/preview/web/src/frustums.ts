@@ -84,8 +84,11 @@ class Frustum {
   }
 }
 
+/** Both ends of each edge of a pyramid, as rows of `cornersOf`. */
+export const EDGES = [0, 1, 0, 2, 0, 3, 0, 4, 1, 2, 2, 3, 3, 4, 4, 1];
+
 /** Apex, then the picture's corners: left top, right top, right bottom, left bottom; scene frame. */
-function cornersOf(camera: Camera, center: THREE.Vector3, depth: number): THREE.Vector3[] {
+export function cornersOf(camera: Camera, center: THREE.Vector3, depth: number): THREE.Vector3[] {
   const { width, height } = camera;
   const pixels: Vec2[] = [[0, 0], [width, 0], [width, height], [0, height]];
   const local = pixels.map(([u, v]) => {
@@ -106,8 +109,7 @@ function worldOf(camera: Camera, inCam: THREE.Vector3): THREE.Vector3 {
 }
 
 function linesOf(p: THREE.Vector3[], color: number) {
-  const pairs = [0, 1, 0, 2, 0, 3, 0, 4, 1, 2, 2, 3, 3, 4, 4, 1];
-  const geometry = new THREE.BufferGeometry().setFromPoints(pairs.map((i) => p[i]));
+  const geometry = new THREE.BufferGeometry().setFromPoints(EDGES.map((i) => p[i]));
   return new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color, transparent: true }));
 }
 

@@ -3,6 +3,7 @@
 import type { App } from "./app.ts";
 import { byId, typing } from "./dom.ts";
 import { showHelp } from "./help.ts";
+import { LAYERS } from "./panel.ts";
 import { at, onClick, onPanZoom } from "./pointer.ts";
 import { clamp } from "./view.ts";
 
@@ -77,9 +78,14 @@ function key(app: App, event: KeyboardEvent): boolean {
   else if ((event.key === "[" || event.key === "]") && !inPhoto) app.viewport.roll(event.key === "[" ? -ROLL_RAD : ROLL_RAD);
   else if (event.key === "c") toggleCameras(app);
   else if (event.key === "p" && app.photo) void app.pick(app.photo);
-  else if (/^[1-9]$/.test(event.key)) app.layerByNumber(Number(event.key));
+  else if (/^[1-9]$/.test(event.key)) showLayer(app, Number(event.key));
   else return false;
   return true;
+}
+
+function showLayer(app: App, number: number): void {
+  const entry = LAYERS[number - 1];
+  if (entry) void app.setLayer(entry.layer);
 }
 
 function blink(app: App): void {

@@ -1,5 +1,5 @@
 // The camera model of texproj/camera.py: pixels count from the photo's corner, x right, y down,
-// z forward; OpenCV's distortion k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4.
+// z forward; OpenCV's distortion k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4, or a fisheye's.
 
 export type Vec2 = [number, number];
 export type Vec3 = [number, number, number];
@@ -11,6 +11,7 @@ export interface Camera {
   f: Vec2;
   c: Vec2;
   dist: number[];
+  model: "perspective" | "fisheye";
   max_radius: number | null;
   R: [Vec3, Vec3, Vec3];
   t: Vec3;
@@ -28,13 +29,28 @@ const STEPS = 30;
 
 /** Ideal (x/z, y/z) to distorted normalized coordinates; null where the lens model folds back. */
 export function distort(camera: Camera, x: number, y: number): Vec2 | null {
-  const [k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4] = padded(camera.dist);
   const r2 = x * x + y * y;
   if (camera.max_radius !== null && r2 >= camera.max_radius ** 2) return null;
+  if (camera.model === "fisheye") return bentFisheye(camera.dist, x, y);
+  const [k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4] = padded(camera.dist);
   const radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)));
   return [
     x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x) + r2 * (s1 + r2 * s2),
     y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y + r2 * (s3 + r2 * s4),
+  ];
+}
+
+/** The fisheye model of texproj/fisheye.py: k1 k2 k3 k4 [p1 p2 s1 s2]. */
+function bentFisheye(dist: number[], x: number, y: number): Vec2 {
+  const [k1, k2, k3, k4, p1, p2, s1, s2] = padded(dist);
+  const r = Math.hypot(x, y);
+  const shrink = r > 0 ? Math.atan(r) / r : 1;
+  const [u, v] = [x * shrink, y * shrink];
+  const t2 = u * u + v * v;
+  const radial = 1 + t2 * (k1 + t2 * (k2 + t2 * (k3 + t2 * k4)));
+  return [
+    u * radial + 2 * p1 * u * v + p2 * (t2 + 2 * u * u) + s1 * t2,
+    v * radial + 2 * p2 * u * v + p1 * (t2 + 2 * v * v) + s2 * t2,
   ];
 }
 

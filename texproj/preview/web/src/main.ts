@@ -6,7 +6,7 @@ import { App } from "./app.ts";
 import { byId } from "./dom.ts";
 import { connect } from "./gestures.ts";
 import * as lens from "./lens.ts";
-import { MAKING, tabTitle } from "./jobwords.ts";
+import { MADE, MAKING, tabTitle } from "./jobwords.ts";
 import { showSettings } from "./settings.ts";
 import { hideJob, notice, runningJob, showJob } from "./notice.ts";
 
@@ -34,12 +34,15 @@ api.listen({
   job(job) {
     showJob(job);
     title(false);
-    if (job.state === "done" && job.kind === "run") void app.madeModel(job).then(() => title(!document.hasFocus()));
+    if (job.state === "done" && MADE.includes(job.kind)) void app.madeModel(job).then(() => title(!document.hasFocus()));
+    else if (job.state === "done" && job.kind === "appearance") void app.refresh().then(() => app.setLayer("base")).then(() => app.told(job));
     else if (job.state === "done" && MAKING.includes(job.kind)) void app.refresh().then(() => app.told(job));
     else if (job.state !== "running") app.show();
     app.picking.onJob(job);
   },
   files(changed) {
+    if (changed.some((file) => file.startsWith("work/"))) void app.places.load().then(() => app.show());
+    if (changed.every((file) => file.startsWith("work/"))) return;
     app.picking.onFiles(changed);
     app.masks.onFiles(changed);
     void app.refresh();
@@ -49,7 +52,7 @@ api.listen({
   },
 });
 
-for (const kind of ["run", "register", "color"]) {
+for (const kind of ["run", "register", "color", "appearance"]) {
   byId(`do-${kind}`).addEventListener("click", () => void app.start(kind));
 }
 for (const button of byId("stages").querySelectorAll("button")) {

@@ -6,6 +6,8 @@ import { byId, el } from "./dom.ts";
 import { jobWords, MAKING } from "./jobwords.ts";
 
 let running: Job | null = null;
+/** Number of the last job that ended: what was said of it earlier may arrive later. */
+let ended = 0;
 
 /** The job that is shown. */
 export const runningJob = () => running;
@@ -22,6 +24,8 @@ export function notice(sentence: string, kind: "good" | "warn" | "bad" = "warn",
 /** Show how far a job is; finished ones disappear, failed ones say why. */
 export function showJob(job: Job): void {
   const over = job.state === "done" || job.state === "failed" || job.state === "cancelled";
+  if (over) ended = Math.max(ended, job.id);
+  else if (job.id <= ended) return;
   if (job.state === "waiting" && running) return;
   if (over && running && running.id !== job.id) return;
   running = over ? null : job;
@@ -48,6 +52,7 @@ export function showJob(job: Job): void {
 
 export function hideJob(): void {
   running = null;
+  ended = 0;
   byId("job").hidden = true;
   lockButtons();
 }

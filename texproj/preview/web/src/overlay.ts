@@ -1,6 +1,7 @@
 // A photo laid over the view from its own camera.
 
 import * as THREE from "three";
+import { imageUrl } from "./api.ts";
 import type { Camera, Sides } from "./lens.ts";
 import { padded } from "./lens.ts";
 import fragmentShader from "./overlay.frag.glsl";
@@ -14,6 +15,7 @@ export class PhotoOverlay {
     principal: { value: new THREE.Vector2() },
     size: { value: new THREE.Vector2(1, 1) },
     dist: { value: padded([]) },
+    fisheye: { value: false },
     maxRadius2: { value: Infinity },
     opacity: { value: 1 },
     wipe: { value: 1 },
@@ -41,7 +43,22 @@ export class PhotoOverlay {
     this.mesh.visible = false;
   }
 
-  setPhoto(texture: THREE.Texture | null): void {
+  private wanted = "";
+
+  /** Bring in a photo at full size; a small one while it loads. arrived: called for either. */
+  async load(name: string, arrived: (size: number) => void): Promise<void> {
+    if (this.wanted === name) return;
+    this.wanted = name;
+    this.setPhoto(null);
+    for (const size of [1600, 8192] as const) {
+      const texture = await loadTexture(imageUrl(name, size)).catch(() => null);
+      if (this.wanted !== name || !texture) return;
+      this.setPhoto(texture);
+      arrived(size);
+    }
+  }
+
+  private setPhoto(texture: THREE.Texture | null): void {
     this.uniforms.photo.value?.dispose();
     this.uniforms.photo.value = texture;
   }
@@ -51,6 +68,7 @@ export class PhotoOverlay {
     this.uniforms.principal.value.fromArray(camera.c);
     this.uniforms.size.value.set(camera.width, camera.height);
     this.uniforms.dist.value = padded(camera.dist);
+    this.uniforms.fisheye.value = camera.model === "fisheye";
     this.uniforms.maxRadius2.value = camera.max_radius === null ? 1e30 : camera.max_radius ** 2;
   }
 

@@ -3,6 +3,7 @@
 import { byId } from "./dom.ts";
 import type { Vec2 } from "./lens.ts";
 import { notice } from "./notice.ts";
+import { drawLoupe } from "./pictures.ts";
 import { showHelp } from "./help.ts";
 import { at as placeOf, onClick, onPanZoom } from "./pointer.ts";
 import type { PickMode } from "./pickmode.ts";
@@ -230,7 +231,7 @@ export class PickHands {
     context.fillStyle = "#2b2b2b";
     context.fillRect(0, 0, edge, edge);
     if (side === "photo") this.mode.pane.drawLoupe(context, at, LOUPE_ZOOM);
-    else this.mode.app.viewport.drawLoupe(context, at, LOUPE_ZOOM);
+    else drawLoupe(this.mode.app.viewport, context, at, LOUPE_ZOOM);
     crosshair(context, edge);
     const pane = byId(`${side}-pane`);
     const below = at[1] < 230;

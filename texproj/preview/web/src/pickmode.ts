@@ -240,7 +240,7 @@ export class PickMode {
   async solve(): Promise<void> {
     await this.save();
     this.before = this.photo!.camera ?? null;
-    await api.startJob("solve", this.photo!.name).catch((error: unknown) => this.app.complain(error));
+    await api.startJob("solve", { photo: this.photo!.name }).catch((error: unknown) => this.app.complain(error));
   }
 
   onJob(job: api.Job): void {

@@ -7,6 +7,7 @@ import type { Camera, Sides, Vec2, Vec3 } from "./lens.ts";
 import { sidesOfPhoto } from "./lens.ts";
 import { PhotoOverlay } from "./overlay.ts";
 import { COARSE, FINE, PLAIN, Quality, SETTLE_MS } from "./quality.ts";
+import type { Layer } from "./surface.ts";
 import { Surface } from "./surface.ts";
 import type { Pose, Window } from "./view.ts";
 import {
@@ -31,10 +32,15 @@ export class Viewport {
   /** After the canvas changed its size. */
   onResize: () => void = () => undefined;
   frames = 0;
-  private readonly renderer: THREE.WebGLRenderer;
-  private readonly scene = new THREE.Scene();
+  /** The layer that the left part of the view shows, up to `wipe` of its width. */
+  beside: Layer | null = null;
+  wipe = 0.5;
+  readonly renderer: THREE.WebGLRenderer;
+  readonly scene = new THREE.Scene();
+  /** What others draw beside the surface. */
+  readonly marks = new THREE.Group();
   private controls: OrbitControls;
-  private sides: Sides = { left: -1, right: 1, bottom: -1, top: 1 };
+  sides: Sides = { left: -1, right: 1, bottom: -1, top: 1 };
   private flight: { from: Pose; to: Pose; start: number; ms: number; done: () => void } | null = null;
   private dirty = true;
   private movedAt = -Infinity;
@@ -46,7 +52,7 @@ export class Viewport {
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: false });
     this.renderer.setClearColor(0x2b2b2b);
     this.renderer.toneMapping = THREE.NoToneMapping;
-    this.scene.add(this.surface.group, this.frustums.group, this.overlay.mesh);
+    this.scene.add(this.surface.group, this.frustums.group, this.marks, this.overlay.mesh);
     this.controls = this.newControls();
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement!);
     this.resize();
@@ -113,22 +119,22 @@ export class Viewport {
     this.moved();
   }
 
-  /** See the whole model from direction `from`. */
-  lookFrom(from: THREE.Vector3): void {
+  /** See all that is within `radius` of the middle, the model at least, from direction `from`. */
+  lookFrom(from: THREE.Vector3, radius = 0): void {
     this.leavePhoto();
     const half = Math.tan((FIELD_OF_VIEW_DEG * Math.PI) / 360);
-    const distance = (this.surface.radius / half) * 0.82;
+    const distance = (Math.max(radius, this.surface.radius) / half) * 0.82;
     this.camera.position.copy(from).normalize().multiplyScalar(distance);
     this.controls.target.set(0, 0, 0);
     this.controls.update();
     this.moved();
   }
 
-  /** Fly to where the model is seen whole, from the present side. */
-  frame(): void {
+  /** Fly to where the model is seen whole, and what lies within `radius`, from the present side. */
+  frame(radius = 0): void {
     const away = this.camera.position.clone().sub(this.controls.target);
     const from = this.pose();
-    this.lookFrom(away.lengthSq() > 0 ? away : new THREE.Vector3(0, 0, 1));
+    this.lookFrom(away.lengthSq() > 0 ? away : new THREE.Vector3(0, 0, 1), radius);
     this.fly(from, this.orbitPose(), () => undefined);
   }
 
@@ -241,26 +247,6 @@ export class Viewport {
   facing(world: Vec3, normal: Vec3): boolean {
     const toEye = this.camera.position.clone().add(this.surface.center).sub(new THREE.Vector3(...world));
     return toEye.dot(new THREE.Vector3(...normal)) > 0;
-  }
-
-  /** Draw once more into a square of `canvas2d`, magnified around a point: the loupe. */
-  drawLoupe(target: CanvasRenderingContext2D, at: Vec2, zoom: number): void {
-    const edge = target.canvas.width;
-    const [w, h] = this.size;
-    const { left, right, bottom, top } = this.sides;
-    const [tx, ty] = [(right - left) / w, (top - bottom) / h];
-    const x = left + at[0] * tx;
-    const y = top - at[1] * ty;
-    const half = edge / 2 / zoom / devicePixelRatio;
-    const sides = { left: x - half * tx, right: x + half * tx, bottom: y - half * ty, top: y + half * ty };
-    const ratio = this.renderer.getPixelRatio();
-    const px = edge / ratio;
-    this.renderer.setViewport(0, 0, px, px);
-    this.draw(sides);
-    const rows = this.canvas.height;
-    target.drawImage(this.canvas, 0, rows - edge, edge, edge, 0, 0, edge, edge);
-    this.renderer.setViewport(0, 0, w, h);
-    this.draw(this.sides);
   }
 
   /** The view as it is now, as a PNG in a data: address. */
@@ -383,7 +369,7 @@ export class Viewport {
     this.dirty = true;
   }
 
-  private draw(sides: Sides): void {
+  draw(sides: Sides): void {
     const distance = this.camera.position.length();
     const far = distance + this.surface.radius * this.reach;
     const near = Math.max(distance - this.surface.radius * this.reach, far * 5e-4);
@@ -393,6 +379,21 @@ export class Viewport {
     );
     this.camera.projectionMatrixInverse.copy(this.camera.projectionMatrix).invert();
     this.overlay.setSides(sides);
-    this.renderer.render(this.scene, this.camera);
+    if (this.beside && this.surface.layer === "relit") this.drawBoth(this.beside);
+    else this.renderer.render(this.scene, this.camera);
+  }
+
+  /** The left part of the view in another layer. */
+  private drawBoth(left: Layer): void {
+    const [w, h] = this.size;
+    const x = w * this.wipe;
+    const own = this.surface.layer;
+    this.renderer.setScissorTest(true);
+    for (const [layer, from, width] of [[left, 0, x], [own, x, w - x]] as const) {
+      this.surface.setLayer(layer);
+      this.renderer.setScissor(from, 0, width, h);
+      if (width > 0) this.renderer.render(this.scene, this.camera);
+    }
+    this.renderer.setScissorTest(false);
   }
 }

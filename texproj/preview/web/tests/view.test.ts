@@ -7,7 +7,7 @@ import type { Camera } from "../src/lens.ts";
 import { levelled, pixelOfWindow, pointOf, sidesOfAngle, sidesOfWindow, tangentsAt, windowAt } from "../src/view.ts";
 
 const CAMERA: Camera = {
-  width: 640, height: 480, f: [610, 606], c: [350, 215], dist: [-0.12, 0.05], max_radius: null,
+  width: 640, height: 480, f: [610, 606], c: [350, 215], dist: [-0.12, 0.05], model: "perspective" as const, max_radius: null,
   R: [[1, 0, 0], [0, 1, 0], [0, 0, 1]], t: [0, 0, 0],
 };
 

@@ -1,0 +1,1 @@
+"""A flash beside the camera, in a dark room: materials, and the color of each point."""

@@ -1,0 +1,262 @@
+"""The materials of a surface and the output of each flash, from points spread over it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from texproj.appearance.flash.bounce import BounceField, Hits, Nodes, bounced, surface_hits
+from texproj.appearance.flash.closed_form import (
+    Fit,
+    fit_each,
+    fit_lambert,
+    fit_material,
+    labelled_terms,
+    predicted,
+)
+from texproj.appearance.flash.lamp import Lamp
+from texproj.appearance.flash.materials import base_materials
+from texproj.appearance.flash.observations import Flashes, LampShadows, Observations, Surfel
+from texproj.appearance.flash.pooled import Pooled, pooled
+from texproj.appearance.flash.reflection import CANDIDATES, DIELECTRIC, Material
+from texproj.appearance.flash.voting import Voters, near_neighbors, settled, smoothed
+from texproj.appearance.light_fit import MEAN_ALBEDO
+from texproj.arrays import Floats, Index
+from texproj.photo import LUMINANCE
+
+HIGHLIGHT = 0.93
+"""Cosine of normal and half vector from which on a metal shows what it is."""
+
+METAL_LIT = 0.1
+"""Least part of the points of a metal that have to have seen their highlight."""
+
+ALIKE = 0.05
+"""Roughness by which two materials of one kind, pooled, have to differ."""
+
+FRONTAL, BRIGHT = 0.4, 0.02
+"""Cosine to the eye, and linear light, from which on an observation tells its flash's output."""
+
+GAIN_ROUNDS = 2
+ROUNDS = 2
+"""Of materials: the first without a bounce, the second with it."""
+
+SCALE_ROUNDS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What the surface is made of.
+
+    materials: by label; flashes: with their gains; lamp: with an intensity; absolute: whether it
+    is known, not assumed; field: light from the surface around; voters: who tells the material of
+    other points; surfels, seen, label, fit, neighbors, hits: the points that it was found from;
+    assumed: the lamp's intensity was not given.
+    """
+
+    materials: tuple[Pooled, ...]
+    flashes: Flashes
+    lamp: Lamp
+    absolute: bool
+    field: BounceField
+    voters: Voters
+    surfels: Surfel
+    seen: Observations
+    label: Index
+    fit: Fit
+    shadows: LampShadows
+    neighbors: Any
+    hits: Hits
+    assumed: bool
+    diagonal: float
+
+    @property
+    def kinds(self) -> list[Material]:
+        return [one.material for one in self.materials]
+
+
+@dataclass(eq=False)
+class _Search:
+    """Points of a surface, and what is known of it so far."""
+
+    surfels: Surfel
+    seen: Observations
+    flashes: Flashes
+    lamp: Lamp
+    shadows: LampShadows
+    diagonal: float
+    neighbors: Any
+    hits: Hits
+
+    def scale(self, factor: float) -> None:
+        """The light is that much stronger."""
+        self.seen = self.seen.scaled(np.full(len(self.seen.point), factor, np.float32))
+        assert self.lamp.intensity is not None
+        self.lamp = replace(self.lamp, intensity=self.lamp.intensity * factor)
+
+    def gains(self, told: Floats) -> None:
+        """Each flash's output, by the median ratio of what is seen to what is predicted (m, 3)."""
+        gain = photo_gains(self.seen, told, len(self.flashes.cameras))
+        used = np.unique(self.seen.photo)
+        gain[used] /= np.exp(np.log(gain[used]).mean())
+        self.seen = self.seen.scaled(gain[self.seen.photo])
+        self.flashes = self.flashes.with_gain(self.flashes.gain * gain)
+
+    def volume(self, materials: Sequence[Material]) -> tuple[list[Fit], Floats]:
+        """The fit of each material, and (n, k) their costs smoothed."""
+        fits = [fit_material(self.seen, material) for material in materials]
+        cost = np.stack([fit.cost for fit in fits], axis=1)
+        return fits, smoothed(cost, self.seen.number > 0, self.neighbors)
+
+    def settle(self, materials: Sequence[Material], rgb: Floats) -> tuple[Index, Voters]:
+        """(n,) the material of each point."""
+        _, cost = self.volume(materials)
+        known = self.seen.number >= 3
+        voters = Voters.of(self.surfels.xyz, rgb, cost, known, self.diagonal)
+        shares = voters.shares(self.surfels.xyz, rgb)
+        return settled(cost, shares, self.neighbors)[0], voters
+
+    def bounce(self, nodes: Nodes) -> BounceField:
+        """Light from the surface around, put into the observations."""
+        shown = np.zeros((self.seen.count, len(self.flashes.cameras)), np.float32)
+        shown[self.seen.point, self.seen.photo] = 1
+        wanted = shown + self.neighbors @ shown > 0
+        around = bounced(nodes, self.hits, self.flashes, self.lamp, self.shadows, wanted)
+        self.seen = replace(self.seen, around=around[self.seen.point, self.seen.photo])
+        return BounceField(self.surfels, around)
+
+
+def find_materials(
+    surfels: Surfel, seen: Observations, flashes: Flashes, lamp: Lamp, shadows: LampShadows,
+    diagonal: float,
+) -> Found:  # fmt: skip
+    """The materials that explain points best, colors free.
+
+    seen: under an intensity of 1 where the lamp's is not known: then it is set so that glossy
+    dielectrics mirror `DIELECTRIC`, or, where there are none, so that the median is `MEAN_ALBEDO`.
+    """
+    near = near_neighbors(surfels.xyz, surfels.normal)
+    hits = surface_hits(shadows, surfels)
+    known = lamp.intensity is not None
+    lamp = lamp if known else replace(lamp, intensity=1.0)
+    search = _Search(surfels, seen, flashes, lamp, shadows, diagonal, near, hits)
+    matte = fit_lambert(search.seen)
+    if not known:
+        some = search.seen.number > 0
+        search.scale(float(np.median(matte.color[some] @ LUMINANCE)) / MEAN_ALBEDO)
+        matte = fit_lambert(search.seen)
+    search.gains(_matte_prediction(search.seen, matte))
+    for _ in range(GAIN_ROUNDS):
+        fits, cost = search.volume(CANDIDATES)
+        search.gains(_best_prediction(search.seen, fits, np.argmin(cost, axis=1)))
+    kinds = [CANDIDATES[k] for k in base_materials(search.volume(CANDIDATES)[1])]
+    absolute, field, label = known, None, None
+    for turn in range(ROUNDS if known else ROUNDS + SCALE_ROUNDS):
+        rgb = fit_lambert(search.seen).color
+        label, voters = search.settle(kinds, rgb)
+        told, label = _merged(pooled(search.seen, label, kinds), label, search.seen)
+        if not known and turn < ROUNDS + SCALE_ROUNDS - 1:
+            absolute = _rescale(search, told) or absolute
+        kinds = [one.material for one in told]
+        if not known:
+            kinds = [replace(kind, f0=DIELECTRIC) for kind in kinds]
+        fit = fit_each(search.seen, kinds, label)
+        nodes = Nodes(surfels, fit.color, label, kinds)
+        field = search.bounce(nodes)
+        search.gains(predicted(*labelled_terms(search.seen, kinds, label), search.seen, fit.color))
+    label, voters = search.settle(kinds, fit_lambert(search.seen).color)
+    fit = fit_each(search.seen, kinds, label)
+    assert field is not None
+    return Found(
+        tuple(replace(one, material=kind) for one, kind in zip(told, kinds, strict=True)),
+        search.flashes, search.lamp, absolute, field, voters, surfels, search.seen, label, fit,
+        shadows, near, hits, not known, diagonal,
+    )  # fmt: skip
+
+
+def completed(found: Found, seen: Observations) -> Found:
+    """The same with the observations of all photos, those that were held out of the search too:
+    each flash's output by what is predicted of it, the materials as they are.
+
+    seen: all observations of the same points, as given to `find_materials`.
+    """
+    given = found.lamp.intensity if found.assumed else 1.0
+    assert given is not None
+    seen = seen.scaled(np.float32(given) * found.flashes.gain[seen.photo])
+    shown = np.zeros((seen.count, len(found.flashes.cameras)), np.float32)
+    shown[seen.point, seen.photo] = 1
+    wanted = shown + found.neighbors @ shown > 0
+    nodes = Nodes(found.surfels, found.fit.color, found.label, found.kinds)
+    around = bounced(nodes, found.hits, found.flashes, found.lamp, found.shadows, wanted)
+    seen = replace(seen, around=around[seen.point, seen.photo])
+    told = predicted(*labelled_terms(seen, found.kinds, found.label), seen, found.fit.color)
+    gain = photo_gains(seen, told, len(found.flashes.cameras))
+    gain[np.unique(found.seen.photo)] = 1
+    return replace(
+        found,
+        seen=seen.scaled(gain[seen.photo]),
+        field=BounceField(found.surfels, around * gain[:, None]),
+        flashes=found.flashes.with_gain(found.flashes.gain * gain),
+    )
+
+
+def _rescale(search: _Search, told: Sequence[Pooled]) -> bool:
+    """The light is scaled by the mirror of glossy dielectrics, if there are any."""
+    glossy = [one for one in told if one.f0_known]
+    if not glossy:
+        return False
+    points = np.array([one.points for one in glossy], float)
+    off = np.log([one.material.f0 / DIELECTRIC for one in glossy])
+    search.scale(float(np.exp((off * points).sum() / points.sum())))
+    return True
+
+
+def _merged(told: list[Pooled], label: Index, seen: Observations) -> tuple[list[Pooled], Index]:
+    """Materials that differ by nothing become one; a metal that hardly any point saw mirror is
+    none.
+    """
+    lit = seen.nearest_highlight() >= HIGHLIGHT
+    kept: list[Pooled] = []
+    new = np.zeros(len(told), np.intp)
+    order = sorted(range(len(told)), key=lambda k: -np.count_nonzero(label == k))
+    for number in order:
+        one = told[number]
+        of_it = label == number
+        if one.material.metal and len(told) > 1 and lit[of_it].mean() < METAL_LIT:
+            continue
+        same = [k for k, other in enumerate(kept) if _alike(one.material, other.material)]
+        new[number] = same[0] if same else len(kept)
+        if not same:
+            kept.append(one)
+    if not kept:
+        one = told[order[0]]
+        kept = [Pooled(Material(one.material.roughness, False), False, one.points)]
+    return kept, new[label]
+
+
+def _alike(one: Material, other: Material) -> bool:
+    return one.metal == other.metal and abs(one.roughness - other.roughness) < ALIKE
+
+
+def photo_gains(seen: Observations, told: Floats, photos: int) -> Floats:
+    """(p,) median ratio of the luminance seen to that predicted (m, 3), 1 where none is seen."""
+    shown, wanted = seen.rgb @ LUMINANCE, told @ LUMINANCE
+    good = (seen.angles.nv > FRONTAL) & (shown > BRIGHT) & (wanted > BRIGHT)
+    out = np.ones(photos, np.float32)
+    for photo in range(photos):
+        rows = good & (seen.photo == photo)
+        if np.count_nonzero(rows) >= 20:
+            out[photo] = np.median(shown[rows] / wanted[rows])
+    return out
+
+
+def _matte_prediction(seen: Observations, matte: Fit) -> Floats:
+    return (seen.light / np.float32(np.pi))[:, None] * matte.color[seen.point]
+
+
+def _best_prediction(seen: Observations, fits: list[Fit], best: Index) -> Floats:
+    colors = np.stack([fit.color for fit in fits])
+    color = colors[best, np.arange(len(best))]
+    return predicted(*labelled_terms(seen, CANDIDATES, best), seen, color)

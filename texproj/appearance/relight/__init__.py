@@ -1,0 +1,23 @@
+"""Pictures of a recovered surface in another light: sky, sun, lamps; exposure and tone."""
+
+from texproj.appearance.relight.environment import Environment, overcast
+from texproj.appearance.relight.illumination import Illumination, Lamp, Sun
+from texproj.appearance.relight.lit_surface import LitSurface
+from texproj.appearance.relight.pictures import relit_pictures
+from texproj.appearance.relight.radiosity import Radiosity
+from texproj.appearance.relight.tone import TONES, Development, ToneName, exposure_of_ev
+
+__all__ = [
+    "TONES",
+    "Development",
+    "Environment",
+    "Illumination",
+    "Lamp",
+    "LitSurface",
+    "Radiosity",
+    "Sun",
+    "ToneName",
+    "exposure_of_ev",
+    "overcast",
+    "relit_pictures",
+]

@@ -1,0 +1,201 @@
+"""The files of an appearance: models, images, and what was found of light and materials."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from texproj.color.result import textured_mesh
+from texproj.errors import OutputError
+from texproj.formats.models import (
+    Gloss,
+    Images,
+    Parts,
+    numbered,
+    page_files,
+    write_colored_glb,
+    write_glossy_glb,
+    write_lit_glb,
+    write_obj,
+    write_pages,
+    write_ply,
+)
+from texproj.mesh import ColoredMesh, Mesh, MeshSource, vertex_normals
+from texproj.photo import LUMINANCE, srgb_from_linear
+from texproj.stages.lighting import Pages
+from texproj.stages.writing import OutputPlan, write_texture
+
+if TYPE_CHECKING:
+    from texproj.appearance.recovered import Appearance, FlashLight
+
+PLY, GLB, LIGHT, MATERIALS = "appearance.ply", "appearance.glb", "light.json", "materials.json"
+BASE, ROUGHNESS, METALLIC, CONFIDENCE = "base_color", "roughness", "metallic", "confidence"
+MODEL_GLB, MODEL_OBJ = "model.glb", "model.obj"
+
+
+def write_appearance(
+    folder: Path, source: MeshSource, appearance: Appearance, plan: OutputPlan
+) -> tuple[str, ...]:
+    """Write the vertices, the light and the materials; returns the file names."""
+    files = _write_vertices(folder, source, appearance, plan)
+    _write_json(folder / LIGHT, light_facts(appearance))
+    materials = material_facts(source.mesh, appearance)
+    if materials is None:
+        return (*files, LIGHT)
+    _write_json(folder / MATERIALS, materials)
+    return (*files, LIGHT, MATERIALS)
+
+
+def _write_json(path: Path, content: Any) -> None:
+    path.write_text(json.dumps(content, indent=1), encoding="utf-8")
+
+
+def _write_vertices(
+    folder: Path, source: MeshSource, appearance: Appearance, plan: OutputPlan
+) -> tuple[str, ...]:
+    """The ply is the mesh as it was in its file; a vertex that the repair dropped has confidence 0
+    there, and is mid-gray.
+    """
+    rows = source.vertex_of_source
+    rgb = np.concatenate([appearance.base, np.full((1, 3), 0.5, np.float32)])[rows]
+    normals = vertex_normals(source.mesh)
+
+    def with_one_more(values: NDArray[np.float32], value: float) -> NDArray[np.float32]:
+        return np.append(values, np.float32(value))[rows]
+
+    values = dict(zip(("base_r", "base_g", "base_b"), rgb.T, strict=True)) | {
+        "roughness": with_one_more(appearance.roughness, 1),
+        "metallic": with_one_more(appearance.metallic, 0),
+        "confidence": with_one_more(appearance.confidence, 0),
+    }
+    write_ply(
+        folder / PLY, source.source_vertices, source.source_faces,
+        np.round(srgb_from_linear(rgb) * 255).astype(np.uint8),
+        np.concatenate([normals, np.zeros((1, 3))])[rows], plan.provenance.lines, values,
+    )  # fmt: skip
+    model = ColoredMesh(source.mesh.vertices, source.mesh.faces, appearance.base, normals)
+    light = flash_of(appearance)
+    if light is None:
+        write_colored_glb(folder / GLB, model, False, plan.standing, plan.provenance)
+    else:
+        parts = Parts(_gloss(light), _most(light.label[source.mesh.faces]))
+        write_glossy_glb(folder / GLB, model, parts, plan.standing, plan.provenance)
+    return PLY, GLB
+
+
+def flash_of(appearance: Appearance) -> FlashLight | None:
+    """The flash, where it was one and is believed."""
+    from texproj.appearance.recovered import FlashLight  # noqa: PLC0415 - slow to load
+
+    return appearance.light if isinstance(appearance.light, FlashLight) else None
+
+
+def _gloss(light: FlashLight) -> list[Gloss]:
+    return [
+        Gloss(
+            f"material_{number}", one.material.roughness, float(one.material.metal),
+            one.material.f0 if one.f0_known and not one.material.metal else None,
+        )
+        for number, one in enumerate(light.found.materials)
+    ]  # fmt: skip
+
+
+def _most(label: NDArray[np.intp]) -> NDArray[np.intp]:
+    """(F,) the label of most corners of (F, 3), of the first where all differ."""
+    return np.where(label[:, 1] == label[:, 2], label[:, 1], label[:, 0])
+
+
+def write_textured(folder: Path, mesh: Mesh, pages: Pages, plan: OutputPlan) -> tuple[str, ...]:
+    """Write the textured model and its pages as images; returns the file names."""
+    base = write_pages(folder / BASE, pages.base.pages, "png")
+    if pages.orm is None or pages.confidence is None:
+        models = write_texture(folder, mesh, pages.base, plan)
+        return (*models, *(image.name for image in base))
+    model = textured_mesh(mesh, replace(pages.base, kept=None))  # uv on each page in 0..1
+    rough = _write_gray(folder / ROUGHNESS, [page[..., 1] for page in pages.orm])
+    metal = _write_gray(folder / METALLIC, [page[..., 2] for page in pages.orm])
+    sure = _write_gray(folder / CONFIDENCE, pages.confidence)
+    orm = write_pages(folder / "inside_orm", pages.orm, "png")
+    images = Images(base, orm)
+    write_lit_glb(folder / MODEL_GLB, model, images, plan.standing, plan.provenance)
+    for image in orm:
+        image.unlink()
+    maps = list(zip(rough, metal, strict=True))
+    written = write_obj(folder / MODEL_OBJ, model, base, plan.provenance.lines, maps)
+    files = [folder / MODEL_GLB, *written, *base, *rough, *metal, *sure]
+    return tuple(file.name for file in files)
+
+
+def _write_gray(stem: Path, pages: Sequence[NDArray[np.uint8]]) -> list[Path]:
+    """Pages of numbers, not of colors: png without a color space."""
+    files = page_files(stem, numbered(len(pages)), ".png")
+    for file, page in zip(files, pages, strict=True):
+        if not cv2.imwrite(str(file), page):
+            raise OutputError(f"{file} cannot be written")
+    return files
+
+
+def light_facts(appearance: Appearance) -> dict[str, Any]:
+    """What light.json holds."""
+    verdict = appearance.verdict
+    told = {
+        "accepted": appearance.accepted,
+        "reason": appearance.reason,
+        "absolute": appearance.absolute,
+        "verdict": verdict and {**vars(verdict), "gain_db": verdict.gain_db},
+    }
+    light = flash_of(appearance)
+    return told | (_sky_facts(appearance) if light is None else _flash_facts(light))
+
+
+def _sky_facts(appearance: Appearance) -> dict[str, Any]:
+    from texproj.appearance.recovered import NaturalLight  # noqa: PLC0415 - slow to load
+
+    light = appearance.light
+    if not isinstance(light, NaturalLight):
+        return {"kind": "natural", "sun": None, "sun_irradiance": None, "sky": None}
+    return {
+        "kind": "natural",
+        "sun": None if light.to_sun is None else light.to_sun.tolist(),
+        "sun_irradiance": None if light.sun is None else light.sun.tolist(),
+        "sky": light.sky.tolist(),
+    }
+
+
+def _flash_facts(light: FlashLight) -> dict[str, Any]:
+    lamp = light.found.lamp
+    return {
+        "kind": "flash",
+        "lamp": lamp.place.tolist(),
+        "intensity": lamp.intensity,
+        "output": light.output,
+    }
+
+
+def material_facts(mesh: Mesh, appearance: Appearance) -> list[dict[str, Any]] | None:
+    """What materials.json holds: one entry a material; None where the light tells of none."""
+    light = flash_of(appearance)
+    if light is None:
+        return None
+    seen = appearance.confidence > 0
+    out = []
+    for number, one in enumerate(light.found.materials):
+        rows = (light.label == number) & seen
+        base = appearance.base[rows]
+        out.append({
+            "name": f"material_{number}",
+            "metallic": one.material.metal,
+            "roughness": one.material.roughness,
+            "f0": one.material.f0 if one.f0_known else None,
+            "share": float(rows.sum() / max(seen.sum(), 1)),
+            "base_color": np.median(base, axis=0).tolist() if len(base) else None,
+            "luminance": float(np.median(base @ LUMINANCE)) if len(base) else None,
+        })  # fmt: skip
+    return out

@@ -1,0 +1,255 @@
+"""Pictures of the recovered surface in a light that somebody asks for: out/relit.png, or a film."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from texproj.appearance.harmonics import BASES, basis
+from texproj.appearance.relight import (
+    Development,
+    Environment,
+    Illumination,
+    Lamp,
+    LitSurface,
+    Sun,
+    ToneName,
+    exposure_of_ev,
+    overcast,
+    relit_pictures,
+)
+from texproj.appearance.relight.environment import all_directions
+from texproj.appearance.relight.tone import ev_of_exposure, metered
+from texproj.arrays import Bytes, Doubles, Floats
+from texproj.camera import Camera
+from texproj.errors import InputError, UsageError, nearest_name
+from texproj.files import staging
+from texproj.formats.environments import read_environment
+from texproj.formats.models import read_model
+from texproj.formats.models.read_values import read_values
+from texproj.mesh import ColoredMesh, TexturedMesh
+from texproj.project import Project
+from texproj.report.pictures import around, frame_of, on_backdrop
+from texproj.stages.appearance_files import LIGHT, MODEL_GLB, PLY
+from texproj.stages.appearing import STAGE as APPEARANCE
+from texproj.stages.bench import Workbench
+from texproj.stages.depicting import registered_cameras
+from texproj.stages.film_path import film_path
+from texproj.stages.outcomes import Tally
+from texproj.stages.progress import Progress, silent
+from texproj.stages.turning import Film, TurntableOptions, replace_record, write_film
+
+STAGE = "relight"
+PICTURE = "relit"
+SUN_LUX, SKY_LUX = 90_000.0, 12_000.0
+"""Of a clear day: square to the sun, and of level ground by the sky."""
+LAMP_LUX = 1_000.0
+"""Of a lamp at the middle of the piece."""
+NO_SKY, OVERCAST, PHOTOGRAPHED = "none", "overcast", "photographed"
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where light comes from, as seen by who looks at the front: heading_deg from behind the viewer
+    to the right, height_deg above level; diagonals of the piece's box, None = very far.
+    """
+
+    heading_deg: float
+    height_deg: float
+    diagonals: float | None = None
+
+
+@dataclass(frozen=True)
+class RelightOptions:
+    """suns, lamps: where they are; sky: "none", "overcast", "photographed" or a file, None =
+    overcast, but none where there are only lamps; ev: exposure at ISO 100, None = as a camera
+    meters; tone: the curve; photo: the photo from whose camera is looked, None = the front; film:
+    None = one picture; its options.
+    """
+
+    suns: tuple[Place, ...] = ()
+    lamps: tuple[Place, ...] = ()
+    sky: str | None = None
+    ev: float | None = None
+    tone: ToneName = "filmic"
+    photo: str | None = None
+    film: Film | None = None
+    turn: TurntableOptions = field(default_factory=TurntableOptions)
+
+    def __post_init__(self) -> None:
+        if self.ev is not None and not -20 <= self.ev <= 40:
+            raise UsageError(f"--ev {self.ev:g} is not between -20 and 40")
+        if self.film is not None and self.photo is not None:
+            raise UsageError("--photo shows one picture; leave out --film")
+        for place in (*self.suns, *self.lamps):
+            if not (abs(place.heading_deg) <= 360 and abs(place.height_deg) <= 90):
+                raise UsageError("a heading is within 360 degrees, a height within 90")
+            if place.diagonals is not None and not 0 < place.diagonals <= 1e6:
+                raise UsageError("a lamp stands some diagonals of the piece away: 1.5, say")
+
+
+@dataclass(frozen=True)
+class RelightOutcome:
+    """files: what was written; ev: how it was exposed; notes: what is unusual."""
+
+    files: tuple[Path, ...]
+    ev: float
+    notes: tuple[str, ...]
+
+    @property
+    def tally(self) -> Tally:
+        return Tally(0, len(self.files), "written")
+
+    def lines(self) -> Iterator[str]:
+        """For people."""
+        first, last = self.files[0], self.files[-1]
+        yield f"wrote {first}" + (f" to {last.name}" if last != first else "")
+        yield f"exposed at EV {self.ev:.1f}"
+        for note in self.notes:
+            yield f"note: {note}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """For --json."""
+        return {"files": [str(p) for p in self.files], "ev": self.ev, "notes": list(self.notes)}
+
+
+def relight_project(
+    bench: Workbench, options: RelightOptions, progress: Progress = silent
+) -> RelightOutcome:
+    """Render what `appearance` found in another light. Raises InputError where it found nothing
+    yet, UsageError, OutputError.
+    """
+    project = bench.project
+    surface = recovered_surface(project)
+    cameras = registered_cameras(project.load_cameras())
+    project.check_writable(project.out)
+    views, of_frame, notes = _views(bench, options, cameras)
+    light = illumination(project, options, surface, cameras)
+    exposure = None if options.ev is None else exposure_of_ev(options.ev)
+    shown: list[Bytes] = []
+    for layers in relit_pictures(bench.renderer, surface, light, views):
+        exposure = metered(layers) if exposure is None else exposure
+        shown.append(on_backdrop(Development(exposure, options.tone).developed(layers)))
+        progress(STAGE, len(shown), len(views), "")
+    with staging(project.out) as folder:
+        names = _written(folder, [shown[k] for k in of_frame], options)
+    replace_record(project, STAGE, names[0].rsplit(".", 1)[-1], names)
+    assert exposure is not None  # there is a first picture
+    files = tuple(project.out / name for name in names)
+    return RelightOutcome(files, ev_of_exposure(exposure), notes)
+
+
+def recovered_surface(project: Project) -> LitSurface:
+    """What `appearance` wrote last: textured where it was asked for textures."""
+    outputs = (project.load_record(APPEARANCE) or {}).get("outputs", {})
+    path = project.out / PLY
+    if PLY not in outputs or not path.is_file():
+        raise InputError(
+            f"{project.root} has no recovered surface; run `texproj appearance {project.root}`"
+        )
+    values = read_values(path, ("roughness", "metallic"))
+    vertices = read_model(path)
+    assert isinstance(vertices, ColoredMesh)
+    glb = project.out / MODEL_GLB
+    if MODEL_GLB not in outputs or outputs[MODEL_GLB] != project.hash_of(glb):
+        return LitSurface(vertices, values["roughness"], values["metallic"])
+    model = read_model(glb)
+    row = _same_place(model, vertices)
+    return LitSurface(model, values["roughness"][row], values["metallic"][row])
+
+
+def _same_place(model: TexturedMesh | ColoredMesh, vertices: ColoredMesh) -> Any:
+    from scipy.spatial import cKDTree  # noqa: PLC0415 - slow to load
+
+    return cKDTree(vertices.vertices).query(model.vertices)[1]
+
+
+def illumination(
+    project: Project, options: RelightOptions, surface: LitSurface, cameras: Sequence[Camera]
+) -> Illumination:
+    """The lights that were asked for, in the scan's frame."""
+    up, level = frame_of(surface.mesh, cameras)
+    right = np.cross(up, level)
+
+    def toward(place: Place) -> Doubles:
+        heading, height = np.radians((place.heading_deg, place.height_deg))
+        across: Doubles = np.cos(heading) * level + np.sin(heading) * right
+        return np.cos(height) * across + np.sin(height) * up
+
+    suns = [Sun(toward(place), np.full(3, SUN_LUX)) for place in options.suns]
+    lamps = []
+    for place in options.lamps:
+        away = (place.diagonals or 1) * surface.mesh.diagonal
+        middle = surface.mesh.center + away * toward(place)
+        lamps.append(Lamp(middle, np.full(3, LAMP_LUX * away**2)))
+    sky = options.sky or (NO_SKY if lamps and not suns else OVERCAST)
+    environment = None
+    if sky == OVERCAST:
+        environment = overcast(up, -level, SKY_LUX)
+    elif sky == PHOTOGRAPHED:
+        environment, more = _photographed(project, up, -level)
+        suns += more
+    elif sky != NO_SKY:
+        environment, direction, light = Environment(
+            read_environment(Path(sky)), up, -level
+        ).parted()
+        suns += [] if direction is None or light is None else [Sun(direction, light)]
+    return Illumination(environment, tuple(suns), tuple(lamps))
+
+
+def _photographed(project: Project, up: Doubles, ahead: Doubles) -> tuple[Environment, list[Sun]]:
+    """The light that `appearance` found."""
+    path = project.out / LIGHT
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+        sky = np.array(told["sky"], np.float64).reshape(BASES, 3)
+        sun = told["sun"] and Sun(np.array(told["sun"]), np.array(told["sun_irradiance"]))
+    except (OSError, ValueError, KeyError, TypeError):
+        raise InputError(
+            f"{path} tells of no sky; natural light is shown again only where it was found"
+        ) from None
+    local, _ = all_directions(64, 32)
+    world = local @ np.stack([np.cross(ahead, up), up, ahead]).astype(np.float32)
+    radiance: Floats = np.maximum(basis(world.reshape(-1, 3)) @ sky, 0).astype(np.float32)
+    return Environment(radiance.reshape(32, 64, 3), up, ahead), [sun] if sun else []
+
+
+def _views(
+    bench: Workbench, options: RelightOptions, cameras: Sequence[Camera]
+) -> tuple[list[Camera], Sequence[int], tuple[str, ...]]:
+    """The cameras to draw, which of them each frame is, and what is unusual about them."""
+    size = (options.turn.size, options.turn.size)
+    if options.photo is not None:
+        return [_of_photo(bench.project, options.photo).reduced(size[0])], [0], ()
+    if options.film is None:
+        return around(bench.mesh, cameras, [0.0], size), [0], ()
+    path = film_path(bench, cameras, options.turn.frames)
+    angles, of_frame = np.unique(path.angles_deg.round(6), return_inverse=True)
+    views = around(bench.mesh, cameras, angles.tolist(), size)
+    return views, of_frame.tolist(), (path.note,) if path.note else ()
+
+
+def _of_photo(project: Project, name: str) -> Camera:
+    records = project.load_cameras()
+    if name not in records:
+        raise UsageError(f"no photo {name!r}{nearest_name(name, list(records))}")
+    camera = records[name].registered_camera
+    if camera is None:
+        raise InputError(f"{name} is not registered; nobody knows where it was taken from")
+    return camera
+
+
+def _written(folder: Path, frames: Sequence[Bytes], options: RelightOptions) -> list[str]:
+    if options.film is not None:
+        return write_film(folder, frames, replace(options.turn, film=options.film), PICTURE)
+    import cv2  # noqa: PLC0415 - slow to load
+
+    name = f"{PICTURE}.png"
+    encoded = cv2.imencode(".png", cv2.cvtColor(frames[0], cv2.COLOR_RGB2BGR))[1]
+    (folder / name).write_bytes(encoded.tobytes())
+    return [name]
