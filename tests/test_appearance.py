@@ -6,6 +6,7 @@ import json
 import shutil
 from functools import cache
 
+import cv2
 import numpy as np
 import pytest
 from plyfile import PlyData
@@ -268,6 +269,20 @@ def test_the_command_writes_the_surface_and_its_light(project_folder, capsys):
     assert main(["report", str(project_folder)]) == 0
     page = (out / "report.html").read_text()
     assert "parts of the surface left out of the fit" in page
+    raked_light_shows_more_relief(project_folder, capsys)
+
+
+def raked_light_shows_more_relief(folder, capsys):
+    """Than the sky of the day, in a picture and in a film."""
+    pictures = []
+    for light in (["--sky", "photographed"], ["--sun", "-80,15", "--sky", "none"]):
+        assert main(["relight", str(folder), "--size", "96", *light]) == 0
+        assert "exposed at EV" in capsys.readouterr().out
+        pictures.append(cv2.imread(str(folder / "out/relit.png"), cv2.IMREAD_GRAYSCALE))
+    day, raked = (cv2.Laplacian(p[24:72, 24:72], cv2.CV_32F).std() for p in pictures)
+    assert raked > 1.2 * day
+    assert main(["relight", str(folder), "--size", "16", "--film", "gif"]) == 0
+    assert (folder / "out/relit.gif").is_file()
 
 
 def texels_are_vertices(model, vertex):
