@@ -6,9 +6,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from browsing import enter, opened, row, settle, until
+from browsing import enter, opened, picture, row, settle, until
 from preview_project import HEIGHT, WIDTH, running
 
+from texproj.formats.models import write_ply
+from texproj.preview import work
 from texproj.project import Project
 
 PHOTO = "0001.png"
@@ -141,6 +143,44 @@ def test_what_is_made_can_be_taken_away(root, page):
     assert found.value.title() == "told"
     asked = "fetch('/api/project').then(() => 'answered', () => 'refused')"
     assert found.value.evaluate(asked) == "refused"
+
+
+def test_the_model_is_filmed_and_lit_from_nothing(root, page, monkeypatch):
+    """As the commands do it: each is a button, and what came of it is at hand: the film to be
+    downloaded, the surface without the light as a layer. Without a model there is no film."""
+    source = Project.open(root).load_mesh()
+
+    def film(bench, progress):
+        progress("turntable", 1, 2, "")
+        (bench.project.out / "turntable.webp").write_bytes(b"film")
+        return "The film is made."
+
+    def appearance(bench, progress):
+        progress("appearance", 1, 2, "")
+        rgb = np.full((len(source.source_vertices), 3), (200, 20, 20), np.uint8)
+        seen = {"confidence": np.ones(len(rgb), np.float32)}
+        path = bench.project.out / "appearance.ply"
+        write_ply(path, source.source_vertices, source.source_faces, rgb, None, (), seen)
+        return "The light is taken out."
+
+    made = {"turntable": ("Film the model", film), "appearance": ("Take out", appearance)}
+    monkeypatch.setattr(work, "STAGES", {**work.STAGES, **made})
+    (root / "out").mkdir()
+    assert page.locator("#film").is_disabled()
+    page.locator("#do-more").click()
+    page.locator("#do-appearance").click()
+    until(page, "texproj.look.layer === 'base'")
+    page.get_by_text("The light is taken out.").wait_for()
+    settle(page)
+    red, green, _ = picture(page)[300:500, 300:500].reshape(-1, 3).T
+    assert np.median(red) == 200
+    assert np.median(green) == 20
+    (root / "out/model.obj").write_text("o model")
+    until(page, "!document.querySelector('#film').disabled")
+    page.locator("#film").click()
+    with page.expect_download() as kept:
+        page.get_by_role("link", name="Download film").click()
+    assert kept.value.suggested_filename == "blocks.webp"
 
 
 def test_the_plain_mean_is_a_layer(page):

@@ -102,6 +102,7 @@ def test_the_best_place_so_far_is_shown_while_the_photos_are_placed(root, browse
     part = SimpleNamespace(
         names=tuple(project.photo_names), cameras=tuple(cameras()), points=np.zeros((400, 3))
     )
+    project.features_path()  # makes the folder, as comparing the photos does before
     best = SimpleNamespace(placed=PlacedBlock(Similarity.identity()), support=0.2)
     with running(root) as home, opened(browser, home) as page:
         page.get_by_role("button", name="Not now").click()

@@ -1,9 +1,12 @@
 """The page's server: what it answers, whom it refuses, and that nobody's work is lost."""
 
+import io
 import json
+import os
 import shutil
 import threading
 import time
+import zipfile
 from contextlib import contextmanager
 
 import httpx
@@ -12,6 +15,7 @@ import pytest
 from preview_project import BROKEN, cameras, corner_points, make_project, running
 
 from texproj.files import file_hash
+from texproj.formats.models import write_ply
 from texproj.options import PreviewOptions
 from texproj.preview import app as app_module
 from texproj.preview import work
@@ -149,6 +153,51 @@ def test_a_photo_is_served_as_jpeg_of_the_asked_size(page):
     assert answer.headers["content-type"] == "image/jpeg"
     assert answer.content[:2] == b"\xff\xd8"
     assert page.get(f"/api/photos/{PHOTO}/image?size=12345").status_code == 404
+
+
+def test_what_is_made_can_be_downloaded(own, tmp_path):
+    """An obj comes with its material and images, in one file; a film of an earlier model is none;
+    nothing outside of the project is given away."""
+    root, page = own
+    (root / "out").mkdir()
+    for name in ("turntable.webp", "model.obj", "model.mtl", "model_0.png", "model_1.png"):
+        (root / "out" / name).write_text(name)
+    os.utime(root / "out/turntable.webp", (1, 1))
+    found = page.get("/api/project").json()["downloads"]
+    assert [one["word"] for one in found] == ["obj"]
+    answer = page.get("/api/downloads/model.obj")
+    with zipfile.ZipFile(io.BytesIO(answer.content)) as packed:
+        told = {name: packed.read(name).decode() for name in packed.namelist()}
+    os.utime(root / "out/turntable.webp")
+    words = [one["word"] for one in page.get("/api/project").json()["downloads"]]
+    (tmp_path / "secret").write_text("secret")
+    (root / "out/model.ply").symlink_to(tmp_path / "secret")
+
+    assert told == {n: n for n in ("model.obj", "model.mtl", "model_0.png", "model_1.png")}
+    assert 'filename="own-obj.zip"' in answer.headers["content-disposition"]
+    assert words == ["obj", "film"]
+    assert page.get("/api/downloads/model.ply").status_code == 403
+    assert page.get("/api/downloads/report.json").status_code == 404
+
+
+def test_base_colors_are_those_of_the_appearance(own):
+    """Where no photo looks, there are none."""
+    root, page = own
+    assert page.get("/api/colors/base").status_code == 422
+    source = Project.open(root).load_mesh()
+    count = len(source.source_vertices)
+    rgb = np.random.default_rng(0).integers(0, 256, (count, 3), np.uint8)
+    known = (np.arange(count) % 3 > 0).astype(np.float32)
+    (root / "out").mkdir()
+    write_ply(
+        root / "out/appearance.ply", source.source_vertices, source.source_faces, rgb, None, (),
+        {"confidence": known},
+    )  # fmt: skip
+    rgba = unpacked(page.get("/api/colors/base").content, "rgba")
+    kept = source.vertex_of_source >= 0
+
+    np.testing.assert_array_equal(rgba[source.vertex_of_source[kept], :3], rgb[kept])
+    np.testing.assert_array_equal(rgba[source.vertex_of_source[kept], 3], 255 * known[kept])
 
 
 def test_a_ray_meets_the_surface_exactly(page):

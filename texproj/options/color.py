@@ -146,7 +146,8 @@ class OutputOptions:
 
     up: Literal["auto", "x", "-x", "y", "-y", "z", "-z"] = "y"
     """The scan's upward axis, by which a glb is turned to stand upright (glTF has y upwards): a
-    node turns it, coordinates stay the scan's, in obj and ply too. auto: upward in the photos."""
+    node turns it, coordinates stay the scan's, in obj and ply too. auto: upward in the photos. An
+    axis named here tells photos without a start which way up they belong, too."""
 
     unit: Annotated[Literal["auto", "m", "cm", "mm"], EXPERT] = "auto"
     """The scan's unit, by which the same node scales a glb to metres; auto = as it is."""

@@ -21,8 +21,9 @@ from watchfiles import awatch
 
 from texproj.errors import InputError, TexprojError, UsageError
 from texproj.preview import work
-from texproj.preview.colors import texture_colors, vertex_colors
+from texproj.preview.colors import base_colors, texture_colors, vertex_colors
 from texproj.preview.door import inside
+from texproj.preview.downloads import DownloadHandlers, downloads
 from texproj.preview.edits import EditHandlers
 from texproj.preview.geometry import pack
 from texproj.preview.jobs import TooManyJobs
@@ -96,7 +97,8 @@ def create_app(session: Session) -> Starlette:
         HTTPException: on_http_error,
         Exception: on_fault,
     }
-    routes = [*handlers.routes(), *EditHandlers(session).routes()]
+    more = [*EditHandlers(session).routes(), *DownloadHandlers(session).routes()]
+    routes = [*handlers.routes(), *more]
     app = Starlette(routes=routes, lifespan=lifespan, exception_handlers=errors)
     app.state.session = session
     return app
@@ -120,6 +122,8 @@ class Handlers:
             Route("/api/mesh/{level}", self.mesh),
             Route("/api/colors", self.colors),
             Route("/api/colors/light", self.light_colors),
+            Route("/api/colors/base", self.base_colors),
+            Route("/api/lights", self.lights),
             Route("/api/colors/mean", self.mean_colors),
             Route("/api/layers/{layer}", self.layer),
             Route("/api/models/{name}", self.model),
@@ -151,7 +155,8 @@ class Handlers:
         return FileResponse(self.bundle / name, media_type=BUNDLE[name], headers=headers)
 
     def project(self, _: Request) -> Response:
-        return JSONResponse(self.session.facts())
+        facts = self.session.facts()
+        return JSONResponse({**facts, "downloads": downloads(self.session.project)})
 
     def places(self, _: Request) -> Response:
         inside(self.session.project.work / "block", self.session.root)
@@ -180,6 +185,18 @@ class Handlers:
         key = ["light colors", surface.key, stamp(project.out / "model.glb")]
         rgba = self.session.kept(key, lambda: texture_colors(project, surface))
         return Response(pack({"rgba": rgba}), media_type=BINARY)
+
+    def base_colors(self, _: Request) -> Response:
+        """The surface without the light of the photos."""
+        inside(self.session.project.out / "appearance.ply", self.session.root)
+        rgba = base_colors(self.session.project, self.session.surface)
+        return Response(pack({"rgba": rgba}), media_type=BINARY)
+
+    def lights(self, _: Request) -> Response:
+        from texproj.preview.lights import lights  # noqa: PLC0415 - slow to import
+
+        inside(self.session.project.out / "light.json", self.session.root)
+        return JSONResponse(lights(self.session.project, self.session.surface))
 
     async def mean_colors(self, _: Request) -> Response:
         """The plain mean of all photos on the vertices: doubled edges show what is off."""

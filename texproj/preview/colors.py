@@ -9,6 +9,7 @@ from typing import TypeVar
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
+from plyfile import PlyData
 from scipy.spatial import cKDTree
 
 from texproj.errors import InputError
@@ -29,7 +30,21 @@ def vertex_colors(project: Project, surface: Surface) -> NDArray[np.uint8]:
     path = project.out / "model.ply"
     if not path.is_file():
         raise InputError(f"no {path}; color the vertices first")
-    rgba = _read(path, lambda: _ply_colors(path))
+    return _on_repaired(path, _read(path, lambda: _ply_colors(path)), surface)
+
+
+def base_colors(project: Project, surface: Surface) -> NDArray[np.uint8]:
+    """The same of the base colors of out/appearance.ply: of the surface without the light of the
+    photos.
+    """
+    path = project.out / "appearance.ply"
+    if not path.is_file():
+        raise InputError(f"no {path}; take the light out first")
+    return _on_repaired(path, _read(path, lambda: _base_colors(path)), surface)
+
+
+def _on_repaired(path: Path, rgba: NDArray[np.uint8], surface: Surface) -> NDArray[np.uint8]:
+    """Colors of the vertices of the scan's file on those of the repaired mesh."""
     source = surface.source
     if len(rgba) != len(source.source_vertices):
         raise InputError(f"{path} was made from another mesh; color it again")
@@ -62,6 +77,13 @@ def _read(path: Path, read: Callable[[], T]) -> T:
 
 def _ply_colors(path: Path) -> NDArray[np.uint8]:
     return np.asarray(trimesh.load(path, process=False).visual.vertex_colors, np.uint8)
+
+
+def _base_colors(path: Path) -> NDArray[np.uint8]:
+    vertex = PlyData.read(path)["vertex"]
+    known = np.where(vertex["confidence"] > 0, 255, 0)
+    channels = [vertex["red"], vertex["green"], vertex["blue"], known]
+    return np.stack(channels, axis=1).astype(np.uint8)
 
 
 def _scene_colors(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:

@@ -38,8 +38,8 @@ MOST_CORNERS = 5000
 MOST_RADIUS_PX = 5000.0
 FARTHEST_PX = 2e6
 """A corner further off than ten of the largest photos is no place on one."""
-PATHS = ("checker", "gray")
-"""Settings that name a photo in the project."""
+PATHS = ("checker", "gray", "flash")
+"""Settings that name a file in the project."""
 
 KINDS = ("paint", "erase", "grow", "clear")
 
@@ -86,7 +86,7 @@ class EditHandlers:
             if change.key in PATHS and isinstance(change.value, str):
                 path = project.root / change.value
                 if leaves(path, project.root) or not path.is_file():
-                    raise UsageError(f"no photo {change.value!r} in the project")
+                    raise UsageError(f"no file {change.value!r} in the project")
 
     async def remember_up(self, request: Request) -> Response:
         """Which way the model stands on the page; models that are written have `[output] up`."""

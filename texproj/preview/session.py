@@ -39,6 +39,7 @@ LOG = logging.getLogger("texproj.preview")
 MODEL_FILES = {
     "model.ply": "application/octet-stream",
     "model.glb": "model/gltf-binary",
+    "appearance.ply": "application/octet-stream",
 }
 """What the page may fetch from out/, and as what."""
 

@@ -17,6 +17,11 @@ from texproj.settings import SECTIONS
 NOT_HERE = ("preview",)
 """Tables that the page does not change: it is served by them, and who may reach it."""
 
+WHOLE = ("light",)
+"""Tables of which the settings for experts are here too: there are few, and no flags for them."""
+KINDS = ("string", "boolean", "integer", "number")
+"""Types of settings for which there is a field; several of a few are one, too."""
+
 MOST_CHANGES = 100
 
 
@@ -48,8 +53,14 @@ def _options(project: Project, table: str, given: dict[str, Any]) -> list[dict[s
             **_kind(told),
         }
         for key, told in schema.items()
-        if not is_expert(cls, key)
+        if (table in WHOLE or not is_expert(cls, key)) and _is_field(told)
     ]
+
+
+def _is_field(told: dict[str, Any]) -> bool:
+    """Whether the form has a field for an option; a place in space has none."""
+    kinds = [part for part in told.get("anyOf", [told]) if part.get("type") != "null"]
+    return all(p.get("type") in KINDS or "enum" in p.get("items", p) for p in kinds)
 
 
 def _plain(value: Any) -> Any:

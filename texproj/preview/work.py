@@ -115,7 +115,25 @@ def _run(bench: Workbench, progress: Progress) -> str:
     return f"The model is made from {used} of {len(outcome.photos)} photos{left}."
 
 
+def _appearance(bench: Workbench, progress: Progress) -> str:
+    from texproj.stages.appearing import appearance_project  # noqa: PLC0415 - slow to import
+
+    light = appearance_project(bench, progress).light
+    if not light["accepted"]:
+        return f"The light was not taken out: {light['reason']}"
+    return "The light of the photos is taken out."
+
+
+def _turntable(bench: Workbench, progress: Progress) -> str:
+    from texproj.stages.turning import TurntableOptions, turn_project  # noqa: PLC0415
+
+    notes = turn_project(bench, TurntableOptions(), progress).notes
+    return "; ".join(["The film is made: download it under Model", *notes]) + "."
+
+
 STAGES = {
+    "appearance": ("Take out the light", _appearance),
+    "turntable": ("Film the model", _turntable),
     "register": ("Register photos", _register),
     "color": ("Color model", _color),
     "run": ("Make the model", _run),

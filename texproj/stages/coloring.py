@@ -112,6 +112,11 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
     failed |= colors.failed
     if not set(cameras) - set(failed):
         raise InputError(f"no photo could be read: {'; '.join(failed.values())}")
+    if not colors.quality["seen"]:
+        raise InputError(
+            f"no photo shows any of the mesh; masks may leave out all of it: look into"
+            f" {project.root / 'masks'}, and at the cameras (`texproj preview`)"
+        )
     used = [name for name in cameras if name not in failed]
     made_by = provenance_of(project, used)
     with staging(project.out) as folder:

@@ -41,6 +41,8 @@ export interface Facts {
   mesh: { key: string; file: string };
   photos: PhotoFacts[];
   models: Record<string, string | null>;
+  /** Files to be taken away, and the word for each. */
+  downloads: { name: string; word: string }[];
   /** Photos that are left out of everything. */
   excluded: string[];
   /** What is made: vertices, texture or patches. */
@@ -156,6 +158,22 @@ export interface Places {
   } | null;
 }
 
+export type Rgb = Vec3;
+
+/** How the surface can be lit anew; directions are unit vectors in the scan's frame. */
+export interface Lights {
+  up: Vec3;
+  front: Vec3;
+  right: Vec3;
+  /** Nine spherical harmonics of an open surface's irradiance. */
+  skies: { overcast: Rgb[]; photographed?: Rgb[]; none?: Rgb[] };
+  /** Of the photos, where they had one. */
+  sun: { direction: Vec3; irradiance: Rgb } | null;
+  sun_lux: number;
+  kelvin: number[];
+  tints: Rgb[];
+}
+
 export interface Pack {
   facts: Record<string, unknown>;
   arrays: Record<string, Float32Array | Uint32Array | Uint8Array | Int8Array>;
@@ -212,6 +230,8 @@ export const hit = (origin: Vec3, direction: Vec3) =>
 
 export const startJob = (kind: string, more: { photo?: string; place?: number | null } = {}) =>
   json<Job>(demand("/api/jobs", sending("POST", { kind, ...more })));
+
+export const lights = () => json<Lights>(demand("/api/lights"));
 
 export const places = () => json<Places>(demand("/api/places"));
 

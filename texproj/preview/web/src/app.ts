@@ -20,6 +20,8 @@ import { PickHands } from "./pickhands.ts";
 import { PickMode } from "./pickmode.ts";
 import { pickPanel } from "./pickpanel.ts";
 import { Places } from "./places.ts";
+import { Relight } from "./relight.ts";
+import { showTitle } from "./title.ts";
 import { showStart } from "./startcard.ts";
 import type { Layer } from "./surface.ts";
 import { Viewport } from "./viewport.ts";
@@ -36,6 +38,7 @@ export class App implements Host {
   readonly hands = new PickHands(this.picking);
   readonly masks = new MaskMode(this, this.picking.pane);
   readonly places = new Places(this);
+  readonly relight = new Relight(this);
   private readonly list = new PhotoList(() => this.show());
   private readonly edits = new Edits(this);
   private readonly loader = new LayerLoader(this.viewport.surface);
@@ -204,6 +207,7 @@ export class App implements Host {
     if (layer !== this.look.layer) this.show();
     try {
       await this.loader.load(layer, this.facts!, photo, this.look.factor);
+      if (layer === "relit") await this.relight.load(this.facts!.models["appearance.ply"]!);
     } catch (error) {
       if (this.wanted === layer) this.wanted = this.look.layer;
       this.complain(error);
@@ -233,6 +237,7 @@ export class App implements Host {
     const layers: Layer[] = facts ? ["shaded", "normals", "ao"] : [];
     if (facts?.models["model.ply"]) layers.push("color");
     if (facts?.models["model.glb"]) layers.push("texture");
+    if (facts?.models["appearance.ply"]) layers.push("base", "relit");
     if (facts?.photos.some((photo) => photo.status === "registered")) layers.push("mean", "coverage", "source");
     if (this.photo ? this.photo.status === "registered" : layers.includes("source")) layers.push("weights");
     return new Set(layers);
@@ -276,7 +281,7 @@ export class App implements Host {
     lockButtons();
     const inPhoto = this.viewport.photoCamera !== null;
     byId("model-title").textContent = inPhoto && this.mode === "view" ? this.places.title(`Through ${this.chosen}`) : "";
-    byId("wipe").hidden = !inPhoto || this.mode !== "view";
+    byId("wipe").hidden = !(inPhoto || this.relight.splits) || this.mode !== "view";
     this.viewport.frustums.mark(this.chosen, null);
     showLegend(this.look.layer, this.loader.span);
     this.viewport.invalidate();
@@ -301,13 +306,14 @@ export class App implements Host {
             mask: (photo) => void this.mask(photo),
             viewNamed: (name) => this.choose(this.facts!.photos.find((photo) => photo.name === name)!),
           });
-    if (this.mode === "view") parts.push(...this.places.section(), this.modelPart());
+    if (this.mode === "view") parts.push(...this.relight.section(), ...this.places.section(), this.modelPart());
     byId("panel").replaceChildren(...parts);
   }
 
   private modelPart(): HTMLElement {
     return modelSection(this.facts!, {
       make: (to) => void this.edits.makeTo(to),
+      film: () => void this.start("turntable"),
       takePicture: () => void download(this.viewport.picture(), `${this.facts!.name}.png`),
     });
   }
@@ -315,6 +321,8 @@ export class App implements Host {
   applyLook(): void {
     const { surface, overlay, frustums } = this.viewport;
     surface.setExposure(this.look.exposure);
+    this.viewport.wipe = this.look.wipe;
+    this.relight.apply();
     surface.setRoughness(this.look.roughness);
     surface.setLightDirection(...this.look.light);
     overlay.setLook(this.look.opacity, this.look.wipe, this.look.exposure);
@@ -331,7 +339,7 @@ export class App implements Host {
     this.facts = await api.facts();
     this.edits.forget();
     if (this.mode === "pick" && this.photo) this.picking.photo = this.photo;
-    this.title();
+    showTitle(this.facts!, this.viewport.surface.faces);
     if (this.facts.mesh.key !== this.meshKey) await this.loadMesh();
     const { surface, frustums } = this.viewport;
     frustums.set(this.facts.photos, surface.center, surface.radius, () => this.viewport.invalidate());
@@ -353,20 +361,12 @@ export class App implements Host {
     return when("model.glb") > when("model.ply") ? "texture" : "color";
   }
 
-  private title(): void {
-    const { name, photos, mesh } = this.facts!;
-    if (!document.title.includes(name)) document.title = `${name} \u2013 texproj`;
-    byId("project-name").textContent = name;
-    const { faces } = this.viewport.surface;
-    byId("project-facts").textContent = `${photos.length} photos, ${faces ? `${faces.toLocaleString("en")} faces` : mesh.file}`;
-  }
-
   private async loadMesh(): Promise<void> {
     const pack = await api.pack("/api/mesh/full");
     this.viewport.surface.setFull(pack!);
     this.loader.forget();
     this.meshKey = this.facts!.mesh.key;
-    this.title();
+    showTitle(this.facts!, this.viewport.surface.faces);
     void this.loadLight();
   }
 

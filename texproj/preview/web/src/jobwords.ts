@@ -3,7 +3,7 @@
 import type { Job } from "./api.ts";
 
 /** Kinds of work that change the project; only one of them is started at a time. */
-export const MAKING = ["run", "register", "color", "solve", "place"];
+export const MAKING = ["run", "register", "color", "solve", "place", "appearance", "turntable"];
 
 /** Those of them after which the model is shown. */
 export const MADE = ["run", "place"];
@@ -18,6 +18,8 @@ const STAGES: Record<string, string> = {
   occluders: "looking for what stands in front",
   color: "coloring the model",
   report: "writing the report",
+  appearance: "telling the light from the surface",
+  turntable: "filming the model",
   "comparing photos": "comparing photos with each other",
 };
 

@@ -21,7 +21,11 @@ export class LayerLoader {
 
   /** Bring in what `layer` needs. photo, factor: whose weights, and what of them. */
   async load(layer: Layer, facts: api.Facts, photo: string | null, factor: string): Promise<void> {
-    if (layer === "color") await this.loadColors(facts.models["model.ply"]);
+    if (layer === "color") await this.loadColors("/api/colors", facts.models["model.ply"]);
+    else if (layer === "base" || layer === "relit") {
+      await this.loadColors("/api/colors/base", facts.models["appearance.ply"]);
+      if (layer === "relit") await this.loadValues("ao", versionOf(facts), null);
+    }
     else if (layer === "mean") await this.loadMean(versionOf(facts));
     else if (layer === "texture") await this.loadTexture(facts.models["model.glb"]);
     else if (layer === "weights") await this.loadValues(factor, versionOf(facts), photo);
@@ -30,11 +34,12 @@ export class LayerLoader {
     }
   }
 
-  private async loadColors(version: string | null): Promise<void> {
-    if (!version || this.colors === version) return;
-    const pack = await api.pack("/api/colors");
+  private async loadColors(path: string, version: string | null): Promise<void> {
+    const key = `${path} ${version}`;
+    if (!version || this.colors === key) return;
+    const pack = await api.pack(path);
     this.surface.setColors(pack!.arrays.rgba as Uint8Array);
-    this.colors = version;
+    this.colors = key;
   }
 
   /** The colors of the light mesh come with those of the full one. */
@@ -90,6 +95,8 @@ export function showLegend(layer: Layer, span: number): void {
   const unseen = el("div", {}, el("span", {}, el("span", { class: "hatch" }), "no photo sees it"));
   const rows: Partial<Record<Layer, () => Node[]>> = {
     color: () => [unseen],
+    base: () => [unseen],
+    relit: () => [unseen],
     mean: () => [el("div", {}, "Doubled edges: a photo is off"), unseen],
     coverage: () => [rampBar(), ends("1 photo", `${Math.round(span)} photos`), unseen],
     weights: () => [rampBar(), ends("counts little", "counts fully"), unseen],

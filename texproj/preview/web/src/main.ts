@@ -35,6 +35,7 @@ api.listen({
     showJob(job);
     title(false);
     if (job.state === "done" && MADE.includes(job.kind)) void app.madeModel(job).then(() => title(!document.hasFocus()));
+    else if (job.state === "done" && job.kind === "appearance") void app.refresh().then(() => app.setLayer("base")).then(() => app.told(job));
     else if (job.state === "done" && MAKING.includes(job.kind)) void app.refresh().then(() => app.told(job));
     else if (job.state !== "running") app.show();
     app.picking.onJob(job);
@@ -51,7 +52,7 @@ api.listen({
   },
 });
 
-for (const kind of ["run", "register", "color"]) {
+for (const kind of ["run", "register", "color", "appearance"]) {
   byId(`do-${kind}`).addEventListener("click", () => void app.start(kind));
 }
 for (const button of byId("stages").querySelectorAll("button")) {

@@ -7,6 +7,7 @@ export interface ModelActions {
   /** Make vertices, a texture or patches from now on. */
   make(to: string): void;
   takePicture(): void;
+  film(): void;
 }
 
 const KINDS: Record<string, string> = {
@@ -18,16 +19,19 @@ const KINDS: Record<string, string> = {
 export function modelSection(facts: Facts, act: ModelActions): HTMLElement {
   const options = Object.entries(KINDS).map(([to, words]) => el("option", { value: to, selected: to === facts.to }, words));
   const choice = el("select", { id: "make-to", onchange: () => act.make(choice.value) }, ...options);
-  const links = Object.entries(facts.models).filter(([, version]) => version).map(([name]) => {
-    const ending = name.slice(name.lastIndexOf("."));
-    return el("a", { class: "button", href: `/api/models/${name}`, download: facts.name + ending }, `Download ${ending.slice(1)}`);
-  });
+  const links = facts.downloads.map(({ name, word }) =>
+    el("a", { class: "button", href: `/api/downloads/${name}`, download: "" }, `Download ${word}`),
+  );
   const report = facts.report ? [el("a", { class: "button", href: "/report", target: "_blank", rel: "noopener" }, "Open the report")] : [];
   const picture = el("button", { type: "button", id: "take-picture", onclick: () => act.takePicture() }, "Take a picture");
+  const film = el("button", {
+    type: "button", id: "film", title: "Once around, or to and fro in front of it", "data-starts": "turntable", "data-busy": "Filming\u2026",
+    "data-off": !facts.downloads.some(({ name }) => name.startsWith("model.")), onclick: () => act.film(),
+  }, "Film the model");
   return section(
     "Model",
     el("label", { class: "stacked" }, "To be made", choice),
-    el("div", { class: "button-row" }, ...links, ...report, picture),
+    el("div", { class: "button-row" }, ...links, ...report, picture, film),
   );
 }
 

@@ -27,6 +27,8 @@ export const LAYERS: { layer: Layer; name: string; what: string }[] = [
   { layer: "source", name: "Source", what: "Which photo counts most" },
   { layer: "weights", name: "Weights", what: "How much the chosen photo counts" },
   { layer: "mean", name: "Mean", what: "The plain mean of all photos: what is off shows as doubled edges" },
+  { layer: "base", name: "Base color", what: "The surface itself, without the light of the photos" },
+  { layer: "relit", name: "Relit", what: "The surface in another light" },
 ];
 
 /** What a photo's weight is made of; the first is all of it but what depends on other photos. */

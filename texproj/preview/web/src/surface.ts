@@ -7,13 +7,31 @@ import type { Vec3 } from "./lens.ts";
 import { PALETTE, RAMP, rampTexture } from "./ramps.ts";
 import fragmentShader from "./surface.frag.glsl";
 import vertexShader from "./surface.vert.glsl";
+import type { Sample } from "./lightmath.ts";
 import { frontOf } from "./upright.ts";
 
-export type Layer = "color" | "mean" | "texture" | "shaded" | "normals" | "ao" | "coverage" | "source" | "weights";
+export type Layer = "color" | "mean" | "texture" | "base" | "relit" | "shaded" | "normals" | "ao" | "coverage" | "source" | "weights";
+
+/** A picture of depths as the sun sees the model. */
+export interface Shadow {
+  depths: THREE.Texture;
+  /** From the scene's frame to the picture's: 0..1 across, up and in depth. */
+  matrix: THREE.Matrix4;
+}
+
+/** Light of layer "relit". sky: nine spherical harmonics of irradiance; tone: a number of TONES. */
+export interface Relit {
+  sky: THREE.Vector3[];
+  toSun: THREE.Vector3;
+  sunlight: THREE.Vector3;
+  metered: number;
+  tone: number;
+  shadow: Shadow | null;
+}
 
 /** Which branch of surface.frag.glsl shows a layer. */
 const MODES: Record<Layer, number> = {
-  color: 0, mean: 0, texture: 0, shaded: 1, normals: 2, ao: 3, source: 4, coverage: 5, weights: 5,
+  color: 0, mean: 0, texture: 0, base: 0, relit: 6, shaded: 1, normals: 2, ao: 3, source: 4, coverage: 5, weights: 5,
 };
 
 export class Surface {
@@ -37,6 +55,7 @@ export class Surface {
     this.full = this.replace(this.full, meshOf(pack, this.material));
     const sphere = this.full.geometry.boundingSphere!;
     this.radius = Math.max(sphere.radius, 1e-9);
+    this.uniforms.radius.value = this.radius;
     this.faces = pack.arrays.faces.length / 3;
     this.front = frontOf(pack.arrays.positions, pack.arrays.faces);
     this.setMoving(false);
@@ -115,6 +134,32 @@ export class Surface {
     this.uniforms.roughness.value = value;
   }
 
+  /** The light of layer "relit". */
+  setRelight(light: Relit): void {
+    const { uniforms } = this;
+    uniforms.sky.value = light.sky;
+    uniforms.toSun.value.copy(light.toSun);
+    uniforms.sunlight.value.copy(light.sunlight);
+    uniforms.metered.value = light.metered;
+    uniforms.tone.value = light.tone;
+    uniforms.shadowed.value = light.shadow !== null;
+    if (light.shadow) uniforms.depths.value = light.shadow.depths;
+    if (light.shadow) uniforms.shadowMatrix.value.copy(light.shadow.matrix);
+  }
+
+  /** Some of the vertices that have a color: linear base colors, and normals. */
+  sample(count: number): Sample {
+    const { rgba, normal } = this.full!.geometry.attributes;
+    const step = Math.max(1, Math.floor(rgba.count / count));
+    const base: number[] = [], normals: number[] = [];
+    for (let i = 0; i < rgba.count; i += step) {
+      if (rgba.getW(i) < 0.5) continue;
+      base.push(linear(rgba.getX(i)), linear(rgba.getY(i)), linear(rgba.getZ(i)));
+      normals.push(normal.getX(i), normal.getY(i), normal.getZ(i));
+    }
+    return { base: Float32Array.from(base), normals: Float32Array.from(normals) };
+  }
+
   /** Use the light mesh, if there is one, or the full one. */
   setMoving(moving: boolean): void {
     this.moving = moving;
@@ -173,6 +218,8 @@ function inScanFrame(scene: THREE.Object3D): void {
   upright?.scale.setScalar(1);
 }
 
+const linear = (c: number) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4);
+
 const RAMP_TEXTURE = rampTexture(RAMP);
 const PALETTE_TEXTURE = rampTexture(PALETTE, true);
 
@@ -184,6 +231,15 @@ function surfaceUniforms() {
     roughness: { value: 0.55 },
     span: { value: 1 },
     ramp: { value: RAMP_TEXTURE },
+    sky: { value: Array.from({ length: 9 }, () => new THREE.Vector3()) },
+    toSun: { value: new THREE.Vector3(0, 0, 1) },
+    sunlight: { value: new THREE.Vector3() },
+    metered: { value: 1 },
+    tone: { value: 0 },
+    shadowed: { value: false },
+    depths: { value: RAMP_TEXTURE as THREE.Texture },
+    shadowMatrix: { value: new THREE.Matrix4() },
+    radius: { value: 1 },
   };
 }
 

@@ -8,6 +8,7 @@ in vec4 rgba;
 #endif
 in float value;
 out vec3 vNormal;
+out vec3 vPosition;
 out vec3 vNormalInView;
 out vec3 vPositionInView;
 out vec4 vColor;
@@ -22,6 +23,7 @@ vec3 linearOf(vec3 c) {
 void main() {
   vec4 inView = modelViewMatrix * vec4(position, 1.0);
   vNormal = normal;
+  vPosition = position;
   vNormalInView = normalMatrix * normal;
   vPositionInView = inView.xyz;
 #ifdef LINEAR_COLOR

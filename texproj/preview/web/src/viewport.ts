@@ -7,6 +7,7 @@ import type { Camera, Sides, Vec2, Vec3 } from "./lens.ts";
 import { sidesOfPhoto } from "./lens.ts";
 import { PhotoOverlay } from "./overlay.ts";
 import { COARSE, FINE, PLAIN, Quality, SETTLE_MS } from "./quality.ts";
+import type { Layer } from "./surface.ts";
 import { Surface } from "./surface.ts";
 import type { Pose, Window } from "./view.ts";
 import {
@@ -31,6 +32,9 @@ export class Viewport {
   /** After the canvas changed its size. */
   onResize: () => void = () => undefined;
   frames = 0;
+  /** The layer that the left part of the view shows, up to `wipe` of its width. */
+  beside: Layer | null = null;
+  wipe = 0.5;
   readonly renderer: THREE.WebGLRenderer;
   readonly scene = new THREE.Scene();
   /** What others draw beside the surface. */
@@ -375,6 +379,21 @@ export class Viewport {
     );
     this.camera.projectionMatrixInverse.copy(this.camera.projectionMatrix).invert();
     this.overlay.setSides(sides);
-    this.renderer.render(this.scene, this.camera);
+    if (this.beside && this.surface.layer === "relit") this.drawBoth(this.beside);
+    else this.renderer.render(this.scene, this.camera);
+  }
+
+  /** The left part of the view in another layer. */
+  private drawBoth(left: Layer): void {
+    const [w, h] = this.size;
+    const x = w * this.wipe;
+    const own = this.surface.layer;
+    this.renderer.setScissorTest(true);
+    for (const [layer, from, width] of [[left, 0, x], [own, x, w - x]] as const) {
+      this.surface.setLayer(layer);
+      this.renderer.setScissor(from, 0, width, h);
+      if (width > 0) this.renderer.render(this.scene, this.camera);
+    }
+    this.renderer.setScissorTest(false);
   }
 }

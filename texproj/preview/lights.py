@@ -1,0 +1,79 @@
+"""The lights in which the page shows the surface that `appearance` found."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from texproj.appearance.harmonics import BASES, OPEN_GAINS, basis
+from texproj.appearance.light.color_temperature import rgb_of_kelvin
+from texproj.appearance.relight.environment import Environment, all_directions, overcast
+from texproj.arrays import Doubles
+from texproj.preview.surface import Surface
+from texproj.project import Project
+from texproj.report.pictures import frame_of
+from texproj.stages.appearance_files import LIGHT
+from texproj.stages.depicting import registered_cameras
+from texproj.stages.relighting import SKY_LUX, SUN_LUX
+
+KELVIN = tuple(range(2000, 12001, 250))
+"""Colors of the sun that can be chosen."""
+
+
+def lights(project: Project, surface: Surface) -> dict[str, Any]:
+    """What the page needs to light the surface anew, in the scan's frame.
+
+    up, front, right: unit vectors, as `texproj relight` counts headings from; skies: by name, nine
+    spherical harmonics of the irradiance of an open surface, linear RGB; sun: where the photos had
+    it, if they had one, and its irradiance over the sky's there; sun_lux: of a clear day; tints:
+    linear RGB of each of `kelvin`, of luminance 1.
+    """
+    mesh = surface.source.mesh
+    up, level = frame_of(mesh, registered_cameras(project.load_cameras()))
+    skies = {"overcast": _irradiance(overcast(up, -level, SKY_LUX)).tolist()}
+    found = _found(project)
+    if found is not None:
+        skies["photographed"] = found[0].tolist()
+    return {
+        "up": up.tolist(),
+        "front": level.tolist(),
+        "right": np.cross(up, level).tolist(),
+        "skies": skies,
+        "sun": found[1] if found else None,
+        "sun_lux": SUN_LUX,
+        "kelvin": KELVIN,
+        "tints": rgb_of_kelvin(np.array(KELVIN)).tolist(),
+    }
+
+
+def _irradiance(sky: Environment) -> Doubles:
+    """(9, 3) of what an open surface gets from a sky."""
+    height, width = sky.radiance.shape[:2]
+    local, solid = all_directions(width, height)
+    world = local @ np.stack([np.cross(sky.ahead, sky.up), sky.up, sky.ahead]).astype(np.float32)
+    values = basis(world.reshape(-1, 3)).astype(np.float64) * solid.reshape(-1, 1)
+    return OPEN_GAINS[:, None] * (values.T @ sky.radiance.reshape(-1, 3))
+
+
+def _found(project: Project) -> tuple[Doubles, dict[str, Any] | None] | None:
+    """The sky (9, 3) and the sun that light.json tells of; None where there is none."""
+    try:
+        told = json.loads((project.out / LIGHT).read_text(encoding="utf-8"))
+        sky = np.array(told["sky"], np.float64).reshape(BASES, 3)
+        sun = told["sun"] and {
+            "direction": _vector(told["sun"]),
+            "irradiance": _vector(told["sun_irradiance"]),
+        }
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return (OPEN_GAINS[:, None] * sky, sun) if np.isfinite(sky).all() else None
+
+
+def _vector(told: Any) -> list[float]:
+    """(3,) finite numbers. Raises ValueError or TypeError for anything else."""
+    vector = np.array(told, np.float64).reshape(3)
+    if not np.isfinite(vector).all():
+        raise ValueError("not finite")
+    return [float(x) for x in vector]
