@@ -13,10 +13,14 @@ from motion are kept in FOLDER. For each seed block and mesh are put into other 
 | all | of all photos | be found, 95 % of the photos within .3 % of the width |
 | four | of four photos that overlap | be found |
 | partial | on a fifth of the faces, .2 % noise, a third cut away | be found |
-| mirrored, wrong | on its mesh mirrored, on the meshes of the other scenes | be refused |
+| mirrored | on its mesh mirrored, and on a part of that | be refused |
+| wrong | on the meshes of the other scenes, and on parts of these | be refused |
 | mixed | with a fifth of photos of another scene | hold none of these; found as `all` |
 | run | `register` and `refine` in a project of photos and mesh, in seconds and MB of all | be |
 | | within .35 px in the median and 1 px at most, a similarity taken out; 1.2 and 2 px with it | |
+
+The last lines count: found of what must be, accepted of what must not be, and photos that are
+accepted though they are more than .5 % off.
 """
 
 from __future__ import annotations
@@ -28,7 +32,7 @@ import shutil
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -54,7 +58,7 @@ from texproj.stages.bench import Workbench
 from texproj.stages.refining import refine_project
 from texproj.stages.registering import register_photos
 
-WITHIN_PERCENT = 0.3
+WITHIN_PERCENT, WRONG_PERCENT = 0.3, 0.5
 PLACED = ("all", "four", "partial", "mirrored", "wrong", "mixed")
 
 
@@ -106,11 +110,38 @@ def main() -> None:
         keep.mkdir(exist_ok=True)
         scenes = [with_mesh(load(s, None), options) for s in options.scenes]
         seeds = [int(seed) for seed in options.seeds.split(",")]
+        tally = Tally()
         print(HEAD)
         for what in options.what.split(","):
             for scene in scenes:
-                for line in lines(what, scene, scenes, seeds, keep):
+                for line in lines(what, scene, scenes, seeds, keep, tally):
                     print(line, flush=True)
+        print("\n".join(tally.lines()))
+
+
+@dataclass
+class Tally:
+    """What came of all placements: (right, Placing) of each."""
+
+    placed: list[tuple[bool, Placing]] = field(default_factory=list)
+
+    def lines(self) -> Iterator[str]:
+        """What the floors ask for."""
+        right = [found for is_right, found in self.placed if is_right]
+        wrong = [found for is_right, found in self.placed if not is_right]
+        off = np.array([e for found in right if found.accepted for e in found.errors])
+        if right:
+            within = np.mean(off < WITHIN_PERCENT) if len(off) else 0.0
+            yield (
+                f"right meshes: {sum(p.accepted for p in right)} of {len(right)} found;"
+                f" {within:.1%} of {len(off)} photos within {WITHIN_PERCENT} %,"
+                f" {(off > WRONG_PERCENT).sum()} more than {WRONG_PERCENT} % off"
+            )
+        if wrong:
+            yield (
+                f"wrong and mirrored meshes: {sum(p.accepted for p in wrong)} of {len(wrong)}"
+                " accepted"
+            )
 
 
 def parsed() -> argparse.Namespace:
@@ -136,8 +167,9 @@ def with_mesh(scene: RealScene, options: argparse.Namespace) -> RealScene:
 
 
 def lines(
-    what: str, scene: RealScene, scenes: Sequence[RealScene], seeds: Sequence[int], keep: Path
-) -> Iterator[str]:
+    what: str, scene: RealScene, scenes: Sequence[RealScene], seeds: Sequence[int], keep: Path,
+    tally: Tally,
+) -> Iterator[str]:  # fmt: skip
     """The lines of a table about one scene."""
     others = [other for other in scenes if other is not scene]
     if what == "motion":
@@ -149,7 +181,9 @@ def lines(
     block, note = blocked(what, scene, others, keep)
     for seed in seeds:
         for label, mesh in meshes(what, scene, others, seed):
-            found = placed(block, mesh, seed, what not in ("mirrored", "wrong"))
+            right = what not in ("mirrored", "wrong")
+            found = placed(block, mesh, seed, right)
+            tally.placed.append((right, found))
             told = judged(what, found)
             yield found.line(f"{scene.folder.name[:13]} {label}", seed) + f" | {told}{note}"
 
@@ -178,9 +212,11 @@ def meshes(
     if what == "partial":
         return [("partial", partial(scene.mesh, seed))]
     if what == "mirrored":
-        return [("mirrored", mirrored(scene.mesh))]
+        whole = mirrored(scene.mesh)
+        return [("mirrored", whole), ("mirrored, part", partial(whole, seed))]
     if what == "wrong":
-        return [(f"on {other.folder.name}", other.mesh) for other in others]
+        whole = [(f"on {other.folder.name[:8]}", other.mesh) for other in others]
+        return [*whole, *((f"{name}, part", partial(mesh, seed)) for name, mesh in whole)]
     return [(what, scene.mesh)]
 
 
@@ -189,7 +225,7 @@ def judged(what: str, found: Placing) -> str:
     if what in ("mirrored", "wrong"):
         return "WRONG" if found.accepted else "met"
     within = np.mean(np.array(found.errors or (np.inf,)) < WITHIN_PERCENT)
-    wrong = found.accepted and max(found.errors) > 0.5
+    wrong = found.accepted and max(found.errors) > WRONG_PERCENT
     enough = within >= 0.95 or what in ("four", "partial")
     return "WRONG" if wrong else "met" if found.accepted and enough else "not met"
 

@@ -1,6 +1,6 @@
 """Color against photos that were left out, beside other programs; seams, time, memory, scale.
 
-    python tests/bench_color.py --script REPHOTO.py [--what scenes,limit,scale,synthetic]
+    python tests/bench_color.py --script REPHOTO.py [--what scenes,limit,scale,synthetic,niche]
                                 [--data DIR] [--scenes sceaux-castle,fountain-P11] [--keep DIR]
                                 [--to texture,patches,vertices] [--python-open3d PYTHON]
 
@@ -11,7 +11,8 @@ al. 2017; without it fidelity is not measured). Seams: mean color step across bo
 against the step inside, and the same divided by what the photos show there (tests/seams.py).
 limit: the whole command with all photos against what nobody can avoid: decoding all photos, one
 visibility render each, writing the files. scale: tests/color_scale.py. synthetic: color error
-against known truth, tests/color_synthetic.py. PyMeshLab is run if it can (it needs Qt's platform
+against known truth, tests/color_synthetic.py. niche: the same behind the demo's visitor,
+tests/color_niche.py. PyMeshLab is run if it can (it needs Qt's platform
 plugins), Open3D if this Python or the one given has it; others are looked for on PATH.
 """
 
@@ -22,12 +23,15 @@ import os
 import tempfile
 from pathlib import Path
 
+import color_niche
 import color_scale
 import color_synthetic
 from color_peers import missing, open3d_python, peers
 from color_runs import CHECKOUT, HELD_OUT, MODEL, Run, color, compared, make_project
 from color_truth import rounds
 from seams import project_seams
+
+from texproj.options import DemoOptions
 
 MEASURES = {"psnr": "PSNR", "ssim": "SSIM", "one_minus_ncc": "1-NCC", "detail": "detail"}
 
@@ -44,6 +48,9 @@ def main() -> None:
             color_scale.limits(scenes, root, kinds)
         if "scale" in what:
             color_scale.scale(given.data, root, kinds)
+    if "niche" in what:
+        for options in (DemoOptions(), DemoOptions(photos=9, starts=True)):
+            color_niche.table(options)
     if "synthetic" in what:
         color_synthetic.table(kinds, list(rounds()), [40_000, 160_000, 0])
 

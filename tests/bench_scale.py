@@ -18,7 +18,7 @@ from pathlib import Path
 from scale_project import make_scale_project
 
 from texproj.project import Project
-from texproj.stages.registering import registration_freshness
+from texproj.stages.lineage import registration_freshness
 
 
 def processor_s(*words: str) -> float:

@@ -166,6 +166,29 @@ def texrecon(files, point, size):
     )  # fmt: skip
 
 
+def micmac(files, point, size):
+    """Lines of camera to world; the ideal pixel is bent about CDist, radii in pixels."""
+    ori = next(v for k, v in sorted(files.items()) if k.startswith("Orientation-"))
+    tag = lambda text, name: text.split(f"<{name}>")[1].split(f"</{name}>")[0]  # noqa: E731
+    row = lambda text, name: [float(w) for w in tag(text, name).split()]  # noqa: E731
+    lens = files[tag(ori, "FileInterne").strip().rsplit("/", 1)[-1]]
+    c = row(ori, "Centre")
+    d = [p - q for p, q in zip(point, c, strict=True)]
+    turn = [row(ori, f"L{i}") for i in (1, 2, 3)]
+    q = [sum(turn[i][j] * d[i] for i in range(3)) for j in range(3)]
+    (f,), (px, py), (mx, my) = row(lens, "F"), row(lens, "PP"), row(lens, "CDist")
+    x, y = px + f * q[0] / q[2] - mx, py + f * q[1] / q[2] - my
+    r2 = x * x + y * y
+    terms = [float(part.split("<")[0]) for part in lens.split("<CoeffDist>")[1:]]
+    scale = 1 + sum(k * r2 ** (i + 1) for i, k in enumerate(terms))
+    p1, p2, b1, b2 = (
+        row(lens, k)[0] if f"<{k}>" in lens else 0.0 for k in ("P1", "P2", "b1", "b2")
+    )
+    u = x * scale + p1 * (r2 + 2 * x * x) + 2 * p2 * x * y + b1 * x + b2 * y
+    v = y * scale + p2 * (r2 + 2 * y * y) + 2 * p1 * x * y
+    return mx + u, my + v
+
+
 def arkit(files, point, size):
     """ARCamera: camera to world, the camera looks along -z with y up."""
     frame = json.loads(only(files, ".json"))

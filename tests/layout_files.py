@@ -79,7 +79,7 @@ class Read:
         entry = self.content["accessors"][number]
         view = self.content["bufferViews"][entry["bufferView"]]
         kind = {5126: "<f4", 5125: "<u4"}[entry["componentType"]]
-        width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}[entry["type"]]
+        width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}[entry["type"]]
         data = np.frombuffer(self.blob, kind, entry["count"] * width, view.get("byteOffset", 0))
         return data.reshape(-1, width)
 

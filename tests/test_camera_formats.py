@@ -33,6 +33,7 @@ BROUGHT = {
     "table-pix4d": ("table", "survey_calibrated_external_camera_parameters.txt", "IMG_0001.JPG"),
     "table-flight": ("table", "reference.csv", "IMG_0001.JPG"),
     "metashape-old": ("metashape", "cameras.xml", "IMG_0001.JPG"),
+    "micmac": ("micmac", "", "IMG 0001.JPG"),
     "nerfstudio-poses": (
         "nerfstudio-poses", "transforms_train.json", "/data/statue/images/frame_00001.png"
     ),
@@ -46,6 +47,7 @@ TAKEN = {
     "visualsfm": (900, 900, 500, 375, STRAIGHT), "texrecon": (900, 870, 500, 375, RADIAL),
     "openmvs": (900, 870, 507, 366, STRAIGHT), "arkit": (900, 870, 507, 366, STRAIGHT),
     "table": (900, 900, 500, 375, STRAIGHT), "openmvg": (900, 900, 507, 366, BENT),
+    "micmac": (900, 900, 507, 366, BENT),
     "meshroom": (900, 900, 507, 366, BENT), "realityscan-xmp": (900, 870, 507, 366, BENT),
 }  # fmt: skip
 """What each format can hold whole."""
@@ -115,7 +117,7 @@ def test_what_is_lost_is_said(kind, tmp_path):
     lens = Intrinsics(*SIZE, 900, 870, 507, 366, (*BENT, 0.02, -0.01, 0.003, 0.001, 0, 0, 0))
     notes = put(kind, tmp_path, Camera(lens, Pose.identity())).notes
     assert "dist[5] = 0.02" in notes["a b.jpg"]
-    square = kind in ("opf", "visualsfm", "table", "openmvg", "meshroom", "blender")
+    square = kind in ("opf", "visualsfm", "table", "openmvg", "meshroom", "blender", "micmac")
     assert ("fx - fy = 30" in notes["a b.jpg"]) == square
     straight = kind in ("visualsfm", "openmvs", "arkit", "table", "texrecon", "blender")
     assert ("k1 = 0.08" in notes["a b.jpg"]) == straight

@@ -14,7 +14,8 @@ from texproj.project import Project
 from texproj.records import PROOF
 from texproj.stages.bench import Workbench
 from texproj.stages.choosing import choose, open_question, questions, told_of
-from texproj.stages.registering import register_photos, registration_freshness
+from texproj.stages.lineage import registration_freshness
+from texproj.stages.registering import register_photos
 from texproj.stages.story import story_of
 
 RIGHT, WRONG = 2, 1

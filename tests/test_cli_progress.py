@@ -25,6 +25,14 @@ def test_a_line_where_a_stage_begins():
     ]
 
 
+def test_nothing_is_told_twice():
+    """Nor is "0 of 0", while it is not known how much there is to do."""
+    steps = [(20.0 * i, "features", 0, 0, "") for i in range(3)]
+    steps += [(80 + 20.0 * i, "features", 0, 9, "") for i in range(3)]
+
+    assert told(*steps) == ["features: begins", "features: 0 of 9"]
+
+
 def test_no_more_than_a_line_in_ten_seconds():
     """A log of an hour's work holds at most 360 lines beside the beginnings."""
     steps = [(0.1 * i, "register", i, 1000, "x.png") for i in range(1000)]
@@ -51,10 +59,10 @@ def test_a_command_loads_no_more_than_it_needs():
 
 
 def test_names_do_not_command_the_terminal(capsys):
-    """Escapes, returns and what is no UTF-8 are written out; line breaks and accents stay."""
+    """Escapes, line breaks and what is no UTF-8 are written out; accents stay."""
     talk.say("a\x1b[2Jb\rc\udcff\nd\u202eé中")
     talk.complain("x\x07")
 
     said = capsys.readouterr()
-    assert said.out == "a\\x1b[2Jb\\rc\\udcff\nd\\u202eé中\n"
+    assert said.out == "a\\x1b[2Jb\\rc\\udcff\\nd\\u202eé中\n"
     assert said.err == "texproj: x\\x07\n"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from texproj.color.filling.texels import FADE, from_unseen
+from texproj.color.filling.texels import BESIDE, ELSEWHERE, FADE, RING, from_unseen
 from texproj.color.filling.vertices import fill_vertices
 from texproj.mesh import Mesh
 
@@ -91,7 +91,9 @@ def test_how_far_from_what_is_unseen():
     count[600, :] = 0
     found = from_unseen(count, inside)
     assert (found[500:530, 30:40] == 0).all()
-    assert list(found[515, 40 : 40 + FADE + 2]) == [*range(1, FADE + 1), FADE + 1, FADE + 1]
+    wanted = [*range(1, FADE + 1)] + [BESIDE] * (RING - FADE) + [ELSEWHERE]
+    assert list(found[515, 40 : 40 + RING + 1]) == wanted
     assert (found[600, 4:] == 0).all()
-    assert (found[601, 4:] == FADE + 1).all()
-    assert (found[600, :4] == FADE + 1).all()
+    assert (found[601 : 601 + RING, 4:] == BESIDE).all()
+    assert (found[601 + RING, 4:] == ELSEWHERE).all()
+    assert (found[:, :4] == ELSEWHERE).all()

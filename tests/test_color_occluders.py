@@ -9,7 +9,7 @@ from color_scenes import SIZE, camera, picture, plane
 from photo_sets import photo_set
 
 from texproj.color.occluders.in_front import find_occluders
-from texproj.errors import OutputError
+from texproj.errors import InputError, OutputError
 from texproj.files import write_atomically
 from texproj.formats.cameras import cameras_json
 from texproj.formats.models.ply import write_ply
@@ -174,4 +174,15 @@ def test_what_is_in_the_way_of_a_mask_is_named(tmp_path, place):
     with pytest.raises(OutputError, match="move it away"):
         colored(tmp_path)
 
+    assert not (tmp_path / "out").exists()
+
+
+def test_nothing_but_masks_is_told(tmp_path):
+    """Where masks leave out all of the piece there is no model, and a sentence says why."""
+    project_of(tmp_path, photos())
+    for number in range(len(views())):
+        nothing = cv2.imencode(".png", np.zeros(SIZE[::-1], np.uint8))[1].tobytes()
+        write_atomically(tmp_path / f"masks/{number}.png", nothing)
+    with pytest.raises(InputError, match=r"no photo shows any of the mesh; masks"):
+        colored(tmp_path)
     assert not (tmp_path / "out").exists()

@@ -78,6 +78,7 @@ def test_other_ways_to_write_settings(text):
     wanted = {**before, "exclude": ["a.jpg"], "color": {**before.get("color", {}), "bits": 16}}
 
     assert tomllib.loads(new.replace("\r\n", "\n")) == wanted
+    assert new.count("\n") == new.count("\r\n") or "\r\n" not in text
     assert [c for c in ("# inline", "# dotted", "# keep") if c in text and c not in new] == []
 
 

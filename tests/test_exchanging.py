@@ -20,7 +20,7 @@ from texproj.stages.bench import Workbench
 from texproj.stages.entries import start_of
 from texproj.stages.exchanging import import_cameras
 from texproj.stages.exporting import export_cameras
-from texproj.stages.registering import registration_freshness
+from texproj.stages.lineage import registration_freshness
 
 WIDTH, HEIGHT = 80, 60
 NAMES = ("one.jpg", "Two.JPG", "three.png")

@@ -139,8 +139,8 @@ def test_a_photo_on_its_side_and_a_mirrored_one_keep_their_lens():
 def test_depth_of_a_plane_is_that_of_the_rays(kind):
     """At every pixel inside the domain, from 75 degrees off the axis on one side to the other."""
     camera = Camera(lens(BENT), Pose.look_at((0.1, 0.2, 1.0), (0.1, 0.2, 0), (0, 1, 0)))
-    surface = plane(cells=6, half=5)
-    with open_renderer(RenderOptions(renderer=kind)) as renderer, renderer.load(surface) as scene:
+    wall = plane(cells=6, half=5)
+    with open_renderer(RenderOptions(renderer=kind)) as renderer, renderer.load(wall) as scene:
         seen = scene.gbuffer(camera, ("depth", "face"))
     depth, face = seen.require("depth"), seen.require("face")
     inside = np.isfinite(ideal_grid(camera.intrinsics)).all(axis=2)

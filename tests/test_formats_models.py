@@ -10,6 +10,7 @@ import time
 import cv2
 import imagecodecs
 import numpy as np
+import OpenEXR
 import pymeshlab
 import pytest
 import tifffile
@@ -492,6 +493,20 @@ def test_png_and_tiff_keep_every_value_and_say_srgb(dtype, channels):
     with tifffile.TiffFile(io.BytesIO(tiff)) as file:
         np.testing.assert_array_equal(file.asarray(), pixels)
         assert_srgb(file.pages.first.iccprofile)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_exr_is_linear_light_in_half_precision(dtype, tmp_path):
+    """Within half a step of half precision of what sRGB's curve gives."""
+    pixels = page(3, dtype=dtype)
+    (tmp_path / "a.exr").write_bytes(encode_image(pixels, "exr"))
+    with OpenEXR.File(str(tmp_path / "a.exr")) as file:
+        found = file.channels()["RGB"].pixels
+        assert file.header()["compression"] == OpenEXR.ZIP_COMPRESSION
+    value = pixels / np.iinfo(dtype).max
+    light = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+    assert found.dtype == np.float16
+    np.testing.assert_allclose(found.astype(float), light, rtol=2**-10, atol=1e-6)
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])

@@ -5,14 +5,18 @@ import pytest
 from color_scenes import camera, moved, pattern, picture, plane
 from layout_files import Read, glb, image
 from photo_sets import photo_set
+from PIL import Image
 
+from texproj.cli import main
 from texproj.color.filling.old_texture import with_old_texture
 from texproj.color.texture import color_texture
 from texproj.errors import InputError
 from texproj.formats.meshes import companions, read_mesh_file, read_picture
 from texproj.formats.models import read_model
 from texproj.options import ColorOptions, OutputOptions, RenderOptions, UnwrapOptions
-from texproj.photo import linear_from_srgb
+from texproj.photo import linear_from_srgb, srgb_from_linear
+from texproj.project import Project
+from texproj.records import CameraRecord
 from texproj.render import open_renderer
 from texproj.repair import repair
 from texproj.stages.writing import output_plan, write_texture
@@ -322,3 +326,91 @@ def test_missing_and_broken_images_are_one_sentence(obj):
     blue = read_mesh_file(obj).layout.materials[1]
     with pytest.raises(InputError, match="material 'blue'"):
         read_picture(blue, 1001)
+
+
+# --- the whole command
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory):
+    """The textured square in a project made by `texproj new`, three photos with known cameras."""
+    folder = tmp_path_factory.mktemp("whole")
+    (folder / "scan").mkdir()
+    (folder / "scan/tex").mkdir()
+    square = plane(cells=8)
+    uv = square.vertices[:, :2] * 0.45 + 0.5
+    lines = ["mtllib a.mtl", "o piece", *(f"v {x} {y} {z}" for x, y, z in square.vertices)]
+    lines += [f"v {x} {y} -1" for x, y, _ in square.vertices]
+    lines += [f"vt {u!r} {v!r}" for u, v in uv.tolist()]
+    count = len(square.vertices)
+    lines += ["usemtl stone", *(f"f {a}/{a} {b}/{b} {c}/{c}" for a, b, c in square.faces + 1)]
+    lines += ["usemtl back"]
+    lines += [f"f {c + count}/{c} {b + count}/{b} {a + count}/{a}" for a, b, c in square.faces + 1]
+    (folder / "scan/a.obj").write_text("\n".join(lines) + "\n")
+    (folder / "scan/a.mtl").write_text(
+        "newmtl stone\nmap_Kd tex/stone.png\nnewmtl back\nmap_Kd tex/back.png\n"
+    )
+    (folder / "scan/tex/stone.png").write_bytes(image((9, 9, 9), (64, 64)))
+    (folder / "scan/tex/back.png").write_bytes(image((20, 120, 220), (64, 64)))
+    (folder / "photos").mkdir()
+    records = []
+    for number, spot in enumerate(VIEWS):
+        shot = camera(spot)
+        pixels = np.round(srgb_from_linear(picture(shot).pixels) * 255).astype(np.uint8)
+        Image.fromarray(pixels).save(folder / f"photos/{number}.png")
+        record = CameraRecord(
+            f"{number}.png", shot.width, shot.height, shot.intrinsics, shot.pose, "registered"
+        )
+        records.append(record)
+    root = folder / "project"
+    made = ["new", str(root), "--mesh", str(folder / "scan/a.obj")]
+    assert main([*made, "--photos", str(folder / "photos")]) == 0
+    Project.open(root).save_cameras(records)
+    return root
+
+
+def settings(root, text):
+    (root / "project.toml").write_text(
+        f'mesh = "mesh/a.obj"\n[render]\nrenderer = "cpu"\n[color]\noccluders = false\n{text}'
+    )
+
+
+def test_color_keeps_the_layout_and_fills_from_the_old_texture(project, capsys):
+    """From the project's own copy of the images; an image that changes makes the model stale."""
+    settings(project, 'fill = "texture"\n[output]\nmodels = ["obj"]\n')
+    assert main(["color", str(project)]) == 0
+    assert "texture coordinates are kept" in capsys.readouterr().out
+    again = loaded(project / "out/model.obj")
+    pictures = {m.name: read_picture(m, 1001) for m in again.layout.materials}
+    assert (pictures["back"][8:-8, 8:-8] == (20, 120, 220)).all()
+    assert not (pictures["stone"] == 9).all(axis=2).any()
+    assert main(["status", str(project)]) == 0
+    assert "color      texture                  fresh" in capsys.readouterr().out
+    (project / "mesh/tex/back.png").write_bytes(image((20, 120, 221), (64, 64)))
+    assert main(["status", str(project)]) == 0
+    assert "tex/back.png changed" in capsys.readouterr().out
+
+
+def test_color_writes_fewer_faces_and_the_whole(project):
+    """Levels by the command, each with files of its own."""
+    settings(project, '[output]\nmodels = ["obj"]\nfaces = [100, 1000]\n')
+    assert main(["color", str(project)]) == 0
+    light = loaded(project / "out/model.obj")
+    assert len(light.faces) <= 104
+    assert len(loaded(project / "out/model_lod1.obj").faces) == 256
+    assert (project / "out/model_normals_0.png").is_file()
+    assert [node.name for node in loaded(project / "out/model_lod1.obj").layout.nodes] == ["piece"]
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ('to = "vertices"\nfill = "texture"\n', "fill: colors of vertices"),
+        ('to = "patches"\n[unwrap]\nkeep = "on"\n', "keep: patches have a layout"),
+        ('to = "vertices"\n[output]\nfaces = [100]\n', "faces: a model of fewer faces"),
+    ],
+)
+def test_settings_that_contradict_are_refused(project, capsys, text, word):
+    settings(project, text)
+    assert main(["color", str(project)]) == 2
+    assert word in capsys.readouterr().err

@@ -22,8 +22,9 @@ from texproj.project import Project
 from texproj.records import THROUGH, CameraRecord, Fit
 from texproj.stages import attempts, keeping, methods, registering
 from texproj.stages.bench import Workbench
+from texproj.stages.lineage import registration_freshness
 from texproj.stages.methods import Search, believed
-from texproj.stages.registering import register_photos, registration_freshness
+from texproj.stages.registering import register_photos
 from texproj.stages.wave import Wave
 
 PICKED = ("a.png", "b.png", "c.png")

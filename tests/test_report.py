@@ -1,6 +1,7 @@
 """The report: a verdict that follows from the numbers, and the model inside of the page."""
 
 import base64
+import json
 import zlib
 
 import numpy as np
@@ -9,9 +10,12 @@ from color_scenes import plane
 from test_color_occluders import colored, photos, project_of
 
 from texproj.mesh import ColoredMesh, TexturedMesh
+from texproj.project import Project
 from texproj.report import model as report_model
 from texproj.report.model import packed_model
 from texproj.report.verdict import verdict
+from texproj.report.words import details, light_of, shared_notes
+from texproj.stages import depicting
 from texproj.stages.bench import Workbench
 from texproj.stages.reporting import report_project
 
@@ -40,6 +44,7 @@ def facts(photos=3, failed=(), seen=0.99, error=0.5, **color):
     return {
         "summary": {"photos": photos, "registered": photos - len(failed), "failed": len(failed)},
         "photos": rows,
+        "outdated": "",
         "color": {"quality": quality | color, "failed": {}, "occluders": {}},
     }
 
@@ -103,8 +108,6 @@ def page(tmp_path_factory):
     root = tmp_path_factory.mktemp("wall")
     project_of(root, photos())
     colored(root)
-    from texproj.project import Project
-
     with Workbench(Project.open(root)) as bench:
         return report_project(bench).files[0]
 
@@ -141,3 +144,53 @@ def test_the_model_is_drawn_and_turns(page, browser):
 
     assert faults == []
     assert len(before) > 10_000 and before != after
+
+
+def test_only_what_changed_is_drawn_anew(tmp_path, monkeypatch):
+    """Where nothing changed but the report is gone, nothing is; after a photo changed, it alone is,
+    and the model not, since it was not made again. That it is older than the photo is said.
+    """
+    project_of(tmp_path, photos())
+    colored(tmp_path)
+    drawn = []
+    for made in ("_overlay", "_of_model"):
+        real = getattr(depicting, made)
+
+        def watched(bench, *given, made=made, real=real):
+            drawn.append(given[0] if made == "_overlay" else made)
+            return real(bench, *given)
+
+        monkeypatch.setattr(depicting, made, watched)
+
+    def report():
+        drawn.clear()
+        with Workbench(Project.open(tmp_path)) as bench:
+            return report_project(bench).files
+
+    report()
+    assert sorted(drawn) == ["0.png", "1.png", "2.png", "3.png", "_of_model"]
+    (tmp_path / "out/report.html").unlink()
+    report()
+    assert drawn == []
+    path = tmp_path / "photos/2.png"
+    path.write_bytes((tmp_path / "photos/1.png").read_bytes())
+    told = json.loads(report()[1].read_text())
+    assert drawn == ["2.png"]
+    assert "2.png" in told["outdated"] and "older" in told["verdict"]["next"][0]
+
+
+def test_numbers_are_told_in_words():
+    """Parts as percent of what they are parts of; no exposure that is none; a note of many photos
+    once.
+    """
+    told = dict(details({"seen": 0.932, "photos_per_point": 6.96, "photos": [], "scale": 1.0}))
+    assert told["seen"] == "93.2 % of the surface is seen by a photo"
+    assert told["seen by"] == "7.0 photos on the mean"
+    row = {"gain": [1, 1.5, 0.25], "exposure_off": -0.04, "sharpness": None, "share": 0.25}
+    assert light_of(row) == "gain 1.00, 1.50, 0.25; gives 25 % of the color"
+    assert "0.3 stops darker" in light_of(row | {"exposure_off": 0.31})
+    rows = [{"file": f"{k}.jpg", "notes": ["no EXIF"] + ["dark"] * (k == 1)} for k in range(5)]
+    assert shared_notes(rows) == {"no EXIF": "all photos"}
+    assert shared_notes([*rows, {"file": "x", "notes": []}]) == {
+        "no EXIF": "0.jpg, 1.jpg, 2.jpg and 2 more"
+    }

@@ -112,8 +112,8 @@ def test_normals_and_unlit_can_be_left_out(tmp_path):
     [
         ({"to": "vertices"}, {"models": ("obj",)}, "obj .*vertices.*ply, glb"),
         ({}, {"models": ("ply",)}, "ply .*texture.*glb, obj"),
-        ({"bits": 16}, {"models": ("glb",)}, "16 bits .*obj with png or tiff"),
-        ({"bits": 16}, {"image": "jpeg"}, "16 bits .*obj with png or tiff"),
+        ({"bits": 16}, {"models": ("glb",)}, "16 bits .*obj with png, tiff or exr"),
+        ({"bits": 16}, {"image": "jpeg"}, "16 bits .*obj with png, tiff or exr"),
         ({"to": "vertices", "bits": 16}, {"models": ("ply",)}, "16 bits .*a glb"),
         ({}, {"image": "ktx2", "models": ("obj",)}, "ktx2 is for glb"),
         ({}, {"image": "ktx2"}, "basisu.* on PATH"),

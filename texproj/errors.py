@@ -40,13 +40,13 @@ MOST_NAMED = 40
 
 
 def printable(text: str) -> str:
-    """Text that a terminal shows as it is: characters that could command it (escapes, carriage
-    returns, other controls, marks that turn the direction of writing) and bytes that are no UTF-8
-    are written as Python writes them; only line breaks stay.
+    """Text that a terminal shows as it is, on one line: characters that could command it (escapes,
+    line breaks, other controls, marks that turn the direction of writing) and bytes that are no
+    UTF-8 are written as Python writes them.
     """
     if text.isprintable():
         return text
-    return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 def excerpt(value: object, most: int = 60) -> str:

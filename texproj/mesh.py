@@ -81,6 +81,18 @@ class Parts:
 
 
 @dataclass(frozen=True, eq=False)
+class NormalMap:
+    """Directions finer than a mesh's own, in the frames of its surface, as glTF has them.
+
+    pages: (h, w, 3) uint8 beside the texture's pages; tangents: (T, 4) per texture vertex: unit
+    vector to the right on the page, and 1, or -1 where the page shows the surface mirrored.
+    """
+
+    pages: tuple[NDArray[np.uint8], ...]
+    tangents: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
 class TexturedMesh:
     """Triangles with a texture of one or several pages, as written to files.
 
@@ -90,7 +102,8 @@ class TexturedMesh:
     uv_faces: (F, 3) int32 into uv, corner by corner as faces.
     page_of_face: (F,) int32 into pages, -1 = no texture.
     pages: (h, w, 3 or 4) uint8 or uint16, sRGB-encoded, row 0 on top.
-    normals: (V, 3) unit vectors or None. parts: nodes and names to keep, if any.
+    normals: (V, 3) unit vectors or None. parts: nodes and names to keep, if any;
+    normal_map: if any.
     """
 
     vertices: NDArray[np.float64]
@@ -101,6 +114,7 @@ class TexturedMesh:
     pages: tuple[NDArray[np.uint8] | NDArray[np.uint16], ...]
     normals: NDArray[np.float64] | None = None
     parts: Parts | None = None
+    normal_map: NormalMap | None = None
 
 
 @dataclass(frozen=True, eq=False)

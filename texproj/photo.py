@@ -24,7 +24,8 @@ class PhotoInfo:
     number, empty if not told; exposure_ev: log2 of the light that the settings (time, aperture,
     ISO) gather, None if not told; notes: what was missing or odd, one sentence each;
     orientation: the EXIF orientation, 1..8, that made the photo upright; copyright, artist: EXIF's
-    words, taken: when, ISO 8601 in the camera's time; empty if not told.
+    words, taken: when, ISO 8601 in the camera's time; empty if not told; distortion: k1 k2 p1 p2 k3
+    of the lens that EXIF names, from a database, a start; empty if not known.
     """
 
     name: str
@@ -38,6 +39,7 @@ class PhotoInfo:
     copyright: str = ""
     artist: str = ""
     taken: str = ""
+    distortion: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -105,6 +105,7 @@ TEXTS = {
     ),
     "visualsfm": ("cameras.nvm", text_of("visualsfm", "cameras.nvm").replace("0.0 0\n", "0.1 0\n")),
     "texrecon": ("one.cam", text_of("texrecon", "one.cam")),
+    "micmac": ("Orientation-one.jpg.xml", text_of("micmac", "Orientation-one.jpg.xml")),
     "table": ("orientations.txt", text_of("table", "orientations.txt")),
 }  # fmt: skip
 VALUES = {
@@ -136,7 +137,26 @@ def test_text(kind, data, place):
     """Files of text and XML of each program."""
     name, text = TEXTS[kind]
     (place / "list.txt").write_text("images/one.jpg\nimages/two.png\n")
+    if kind == "micmac":
+        (place / "AutoCal_0.xml").write_text(text_of("micmac", "AutoCal_0.xml"))
     refused_or_read(read(kind), place / name, data.draw(broken_text([text])))
+
+
+@given(data=st.data())
+def test_calibration_of_micmac(data, place):
+    """The lens broken, the orientation that names it sound."""
+    folder = place / "calibration"
+    folder.mkdir(exist_ok=True)
+    for name in ("one.jpg", "two.png"):
+        text = text_of("micmac", f"Orientation-{name}.xml")
+        (folder / f"Orientation-{name}.xml").write_text(text)
+
+    def found(path):
+        return READERS["micmac"](path.parent, lambda name: SIZE)
+
+    found.__name__ = "read_micmac_lens"
+    broken = data.draw(broken_text([text_of("micmac", "AutoCal_0.xml")]))
+    refused_or_read(found, folder / "AutoCal_0.xml", broken)
 
 
 @pytest.mark.parametrize("kind", VALUES)

@@ -19,6 +19,7 @@ from texproj.cli.shared import (
     open_project,
     project_at_work,
 )
+from texproj.formats.interchange import READERS, WRITERS
 
 SHOWN = 6
 """How many names a line lists."""
@@ -38,7 +39,9 @@ def import_(
         Literal["registered", "prior"],
         Parameter(name="--as", help="Vouch for the cameras, or let registration start from them."),
     ] = "registered",
-    format: Annotated[str | None, Parameter(help="The format, if its name does not tell.")] = None,
+    format: Annotated[
+        str | None, Parameter(help=f"If the file does not tell: {', '.join(READERS)}.")
+    ] = None,
     flags: RenderFlags = None,
     json: Json = False,
     verbose: Verbose = False,
@@ -70,7 +73,7 @@ def export(
     folder: Folder,
     /,
     *,
-    format: Annotated[str, Parameter(help="colmap, bundler, meshlab, metashape, ...")],
+    format: Annotated[str, Parameter(help=f"{', '.join(WRITERS)}.")],
     to: Annotated[
         Path | None, Parameter(help="The folder to write, by default DIR/out/cameras-FORMAT.")
     ] = None,

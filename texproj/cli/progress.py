@@ -41,6 +41,7 @@ def progress_lines(say: Callable[[str], None], clock: Callable[[], float]) -> Pr
     say: takes a line; clock: seconds, of any origin.
     """
     began: dict[str, float] = {}
+    said: dict[str, str] = {}
     said_at = -LINE_EVERY_S
 
     def show(stage: str, done: int, total: int, item: str) -> None:
@@ -49,8 +50,12 @@ def progress_lines(say: Callable[[str], None], clock: Callable[[], float]) -> Pr
         if stage in began and now - said_at < LINE_EVERY_S:
             return
         elapsed = now - began.setdefault(stage, now)
-        said_at = now
-        say(f"{stage}: {done} of {total}{_left(elapsed, done, total)}  {item}".rstrip())
+        how_far = f"{done} of {total}{_left(elapsed, done, total)}" if total else "begins"
+        line = f"{stage}: {how_far}  {item}".rstrip()
+        if said.get(stage) == line:  # nothing was done since
+            return
+        said[stage], said_at = line, now
+        say(line)
 
     return show
 

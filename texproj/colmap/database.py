@@ -215,7 +215,7 @@ def camera_of(lens: Lens) -> Any:
         model, params = _calibrated(lens.intrinsics)
     else:
         focal = lens.focal_px or USUAL_FOCAL * max(lens.width, lens.height)
-        params, model = [focal, lens.width / 2, lens.height / 2, 0.0], "SIMPLE_RADIAL"
+        params, model = [focal, lens.width / 2, lens.height / 2, lens.k1], "SIMPLE_RADIAL"
     camera = pycolmap.Camera(model=model, width=lens.width, height=lens.height, params=params)
     camera.has_prior_focal_length = lens.intrinsics is not None or lens.focal_px is not None
     return camera

@@ -16,13 +16,15 @@ class Lens:
     """What is believed of the lens that some photos share, at their reduced size.
 
     intrinsics: a calibrated lens, which stays as it is; None: the focal length is solved, and one
-    coefficient of radial distortion, from `focal_px`, or from a usual lens where that is None too.
+    coefficient of radial distortion, from `focal_px`, or from a usual lens where that is None too,
+    and from `k1`.
     """
 
     width: int
     height: int
     focal_px: float | None = None
     intrinsics: Intrinsics | None = None
+    k1: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -82,6 +82,8 @@ def edited(text: str, changes: Iterable[Change], where: str) -> str:
         new = tomlkit.dumps(document)
     except (TOMLKitError, ValueError, TypeError, AttributeError):
         raise InputError(f"{where} cannot be edited here; open it in an editor") from None
+    if "\r\n" in text:  # as it is written, new keys too
+        new = new.replace("\r\n", "\n").replace("\n", "\r\n")
     if _without_empty(_plain(new, where)) != _without_empty(wanted):
         raise InputError(
             f"{where} is written in a way that cannot be edited here; open it yourself"

@@ -79,7 +79,7 @@ class ColorOptions:
     """Photo of a 24-patch color chart that makes the colors absolute: a path in the project."""
 
     bits: Literal[8, 16] = 8
-    """Bits per channel of the obj's images (png or tiff). Other files hold 8, but a glb's vertex
+    """Bits per channel of the obj's images (png, tiff, exr). Other files hold 8, but a glb's vertex
     colors are in floating point."""
 
 
@@ -129,9 +129,14 @@ class OutputOptions:
     """Kinds of model files: auto = glb and obj with a texture, ply with vertex colors (which a glb
     can hold too). usdz holds a texture as png or jpeg, for Apple's viewers and USD."""
 
-    image: Literal["png", "jpeg", "webp", "tiff", "ktx2"] = "png"
-    """Format of the texture's images. tiff is for the obj, ktx2 (made by the program basisu) for
-    the glb: the other model gets png."""
+    faces: tuple[Annotated[int, Field(ge=4)], ...] = ()
+    """A textured model of so many triangles, with the colors and a normal map of the full mesh; of
+    several numbers the first is the model, the others are levels of detail (model_lod1, ...). The
+    normal map is beside the obj, and in a glb with `unlit = false`."""
+
+    image: Literal["png", "jpeg", "webp", "tiff", "exr", "ktx2"] = "png"
+    """Format of the texture's images. tiff and exr (linear light, half precision) are for the obj,
+    ktx2 (made by the program basisu) for the glb: the other model gets png."""
 
     quality: Annotated[int, Field(ge=1, le=100)] = 95
     """Of jpeg and webp; 100 = webp without loss."""
@@ -141,7 +146,8 @@ class OutputOptions:
 
     up: Literal["auto", "x", "-x", "y", "-y", "z", "-z"] = "y"
     """The scan's upward axis, by which a glb is turned to stand upright (glTF has y upwards): a
-    node turns it, coordinates stay the scan's, in obj and ply too. auto: upward in the photos."""
+    node turns it, coordinates stay the scan's, in obj and ply too. auto: upward in the photos. An
+    axis named here tells photos without a start which way up they belong, too."""
 
     unit: Annotated[Literal["auto", "m", "cm", "mm"], EXPERT] = "auto"
     """The scan's unit, by which the same node scales a glb to metres; auto = as it is."""

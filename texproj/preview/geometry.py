@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.mesh import Mesh, vertex_normals
-from texproj.preview.simplify import decimated
+from texproj.simplify import decimated
 
 ALIGNMENT = 4
 

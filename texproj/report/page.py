@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.formats.jpeg import jpeg_bytes
+from texproj.report.words import details, light_of, shared_notes
 
 JPEG_QUALITY = 82
 
@@ -41,6 +42,7 @@ def page(facts: Mapping[str, Any], shown: Pictures) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters |= {"light_of": light_of, "digits": "{:.2g}".format}
     photos = sorted(facts["photos"], key=_worst_first)
     template = environment.get_template("report.html")
     viewer = _viewer()
@@ -49,6 +51,8 @@ def page(facts: Mapping[str, Any], shown: Pictures) -> str:
         photos=photos,
         shown=shown,
         colors=_colors(facts),
+        details=details((facts["color"] or {}).get("quality", {})),
+        shared_notes=shared_notes(facts["photos"]),
         viewer=Markup(viewer),
         packed=json.dumps(shown.model).replace("<", "\\u003c") if viewer and shown.model else "",
     )

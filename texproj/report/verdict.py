@@ -90,6 +90,8 @@ def _meaning(facts: Mapping[str, Any], quality: Mapping[str, Any]) -> Iterator[s
 
 
 def _next(facts: Mapping[str, Any], quality: Mapping[str, Any]) -> Iterator[str]:
+    if facts["outdated"]:
+        yield f"The model is older than what it is made from ({facts['outdated']}): `texproj run`."
     failed = [p["file"] for p in facts["photos"] if p["status"] != "registered"]
     if failed:
         yield (

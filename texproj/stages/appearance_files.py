@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -117,7 +118,7 @@ def write_textured(folder: Path, mesh: Mesh, pages: Pages, plan: OutputPlan) -> 
     if pages.orm is None or pages.confidence is None:
         models = write_texture(folder, mesh, pages.base, plan)
         return (*models, *(image.name for image in base))
-    model = textured_mesh(mesh, pages.base)
+    model = textured_mesh(mesh, replace(pages.base, kept=None))  # uv on each page in 0..1
     rough = _write_gray(folder / ROUGHNESS, [page[..., 1] for page in pages.orm])
     metal = _write_gray(folder / METALLIC, [page[..., 2] for page in pages.orm])
     sure = _write_gray(folder / CONFIDENCE, pages.confidence)

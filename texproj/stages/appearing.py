@@ -148,7 +148,8 @@ def appearance_project(
 def _wanted(project: Project) -> tuple[ColorOptions, OutputOptions]:
     """The settings of a lit, textured glb."""
     color = replace(project.settings.color, to="texture", bits=8)
-    image = "png" if project.settings.output.image == "tiff" else project.settings.output.image
+    asked = project.settings.output.image
+    image = "png" if asked in ("tiff", "exr") else asked
     return color, replace(project.settings.output, models=("glb",), image=image, unlit=False)
 
 

@@ -31,6 +31,7 @@ from texproj.stages.layouts import (
     layout_notes,
     mesh_to_fill,
 )
+from texproj.stages.lightening import check_levels, levels_of, write_levels
 from texproj.stages.occluding import keep_occluders, occluder_inputs
 from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
@@ -105,11 +106,17 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
     plan = output_plan(project.settings.color, project.settings.output, tuple(cameras.values()))
     hidden = keep_occluders(bench, cameras, progress)
     inputs = _inputs(project)
+    check_levels(project.settings.color, project.settings.output)
     notes = layout_notes(bench)
     colors, write = _made(bench, photo_set(project, cameras), progress)
     failed |= colors.failed
     if not set(cameras) - set(failed):
         raise InputError(f"no photo could be read: {'; '.join(failed.values())}")
+    if not colors.quality["seen"]:
+        raise InputError(
+            f"no photo shows any of the mesh; masks may leave out all of it: look into"
+            f" {project.root / 'masks'}, and at the cameras (`texproj preview`)"
+        )
     used = [name for name in cameras if name not in failed]
     made_by = provenance_of(project, used)
     with staging(project.out) as folder:
@@ -235,6 +242,9 @@ def _made(
         colors = color_vertices(bench.mesh, photos, bench.renderer, options, checker, tell)
         return colors, lambda folder, plan: write_vertices(folder, bench.source, colors, plan)
     texture = _texture(bench, photos, checker, tell)
+    if bench.project.settings.output.faces:
+        levels = levels_of(bench, texture)
+        return texture, lambda folder, plan: write_levels(folder, levels, plan)
     return texture, lambda folder, plan: write_texture(folder, bench.mesh, texture, plan)
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import cv2
 import numpy as np
@@ -29,6 +31,7 @@ from texproj.report.pictures import (
 )
 from texproj.stages.bench import Workbench
 from texproj.stages.coloring import STAGE as COLOR
+from texproj.stages.kept_pictures import Kept
 from texproj.stages.writing import GLB, OBJ, PLY
 
 MOST_COMPARED = 40
@@ -39,42 +42,41 @@ Tell = Callable[[int, int, str], None]
 
 
 def pictures(bench: Workbench, records: dict[str, CameraRecord], tell: Tell) -> Pictures:
-    """All that the report shows of the project as it stands. tell: photos done, in all, name."""
-    names = bench.project.photo_names
-    model = written_model(bench.project).model
+    """All that the report shows of the project as it stands; what was drawn before of the same is
+    kept. tell: photos done, in all, name.
+    """
+    names, kept = bench.project.photo_names, Kept.of(bench.project)
     overlays: dict[str, str] = {}
     for done, name in enumerate(names):
         tell(done, len(names), name)
         record = records.get(name)
-        picture = _overlay(bench, name, record)
-        if picture is None:
-            continue
-        overlays[name] = picture
-    if model is None:
-        return Pictures(overlays, {}, [], None)
-    cameras = registered_cameras(records)
-    models = _from_photos(bench, model, records, overlays)
-    around = model_pictures(bench.renderer, model, viewpoints(bench.mesh, cameras))
-    views = [data_url(on_backdrop(picture)) for picture in around]
-    packed = packed_model(model, *frame_of(bench.mesh, cameras))
-    return Pictures(overlays, models, views, packed)
-
-
-def _from_photos(
-    bench: Workbench,
-    model: Model,
-    records: dict[str, CameraRecord],
-    names: Iterable[str],
-) -> dict[str, str]:
-    """The model as the photos' cameras see it, for the first `MOST_COMPARED` that have one."""
+        picture = kept.photo(name, record, partial(_overlay, bench, name, record))
+        if picture is not None:
+            overlays[name] = picture
     cameras = {
         name: camera.reduced(OVERLAY_LONGEST)
-        for name in names
+        for name in overlays
         if (record := records.get(name)) and (camera := record.registered_camera)
     }
     chosen = dict(list(cameras.items())[:MOST_COMPARED])
-    found = model_pictures(bench.renderer, model, chosen.values(), ModelLook(1))
-    return {n: data_url(on_backdrop(p)) for n, p in zip(chosen, found, strict=True)}
+    shown = kept.model(chosen, records, lambda: _of_model(bench, chosen, records))
+    return Pictures(overlays, shown["models"], shown["views"], shown["packed"])
+
+
+def _of_model(
+    bench: Workbench, cameras: dict[str, Camera], records: dict[str, CameraRecord]
+) -> dict[str, Any]:
+    """The model as the photos' cameras see it, from around, and for the page's viewer."""
+    model, every = written_model(bench.project).model, registered_cameras(records)
+    if model is None:
+        return {"models": {}, "views": [], "packed": None}
+    beside = model_pictures(bench.renderer, model, cameras.values(), ModelLook(samples=1))
+    around = model_pictures(bench.renderer, model, viewpoints(bench.mesh, every))
+    return {
+        "models": {n: data_url(on_backdrop(p)) for n, p in zip(cameras, beside, strict=True)},
+        "views": [data_url(on_backdrop(picture)) for picture in around],
+        "packed": packed_model(model, *frame_of(bench.mesh, every)),
+    }
 
 
 def registered_cameras(records: dict[str, CameraRecord]) -> list[Camera]:

@@ -387,3 +387,8 @@ def _closed(open_: dict[str, int], name: str) -> bool:
     """Whether nothing more has to come before `name`, now that one more is there."""
     open_[name] -= 1
     return not open_[name]
+
+
+def registration_freshness(project: Project) -> list[Freshness]:
+    """For each photo, whether its registration is up to date."""
+    return list(Lineage.of(project, project.load_cameras()).states.values())

@@ -16,6 +16,7 @@ from texproj.project import Project
 from texproj.records import THROUGH, CameraRecord, Fit
 from texproj.stages.attending import attended
 from texproj.stages.bench import Workbench
+from texproj.stages.outcomes import CONTRADICTED
 
 REGISTRATION_LONGEST = 1024
 """Longer side, pixels, to which photos are reduced for matching."""
@@ -30,7 +31,6 @@ UNSURE = "how far this camera may be off cannot be told (pick 8 points)"
 NOTHING_TO_START_FROM = (
     "nothing to start from: pick 8 points, or give an approximate camera in cameras.json"
 )
-
 Attempt = tuple[str, Callable[[], Fit]]
 """A method's name, and what it does."""
 
@@ -133,6 +133,11 @@ def search_by_own_means(job: Job) -> Search:
     return search.then(("structure", partial(_from_camera, job, camera)) for camera in starts)
 
 
+def search_alone(job: Job, method: str) -> Search:
+    """By the photo's own means, or by the one method that was asked for."""
+    return search_by_own_means(job) if method == AUTO else search_as_asked(job, method)
+
+
 def is_slow(job: Job, method: str) -> bool:
     """Whether a search of the photo alone takes seconds: picks take no time where they fit."""
     if method in ("points", "silhouette"):
@@ -154,9 +159,11 @@ def search_by_others(job: Job, earlier: str, before: Collection[str] | None = No
     places = [] if job.has_means else [n for n in job.neighbors if n not in (before or ())]
     attempts += [("structure", partial(_from_place_of, job, n)) for n in places[:NEAREST]]
     search = Search(refusals=(earlier,) if earlier else ()).then(attempts)
-    if search.fit is None or not earlier:
+    against = [why for why in search.refusals if why.endswith(CONTRADICTED)]
+    if search.fit is None or not (earlier or against):
         return search
-    told = "; ".join(filter(None, [search.fit.reason, f"on its own: {earlier}"]))
+    own = f"on its own: {earlier}" if earlier else ""
+    told = "; ".join(filter(None, [search.fit.reason, own, *against]))
     return replace(search, fit=replace(search.fit, reason=told))
 
 
@@ -250,7 +257,18 @@ def _by_features(job: Job) -> Fit:
         info, list(shared.values()), errors, job.start_intrinsics, options,
         job.bench.surface_sample,
     )  # fmt: skip
+    witnesses = [n for n, pairs in shared.items() if len(pairs)]
+    if fit.accepted and len(witnesses) == 1:
+        fit = _through_one(job, fit, job.neighbors[witnesses[0]])
     return replace(fit, quality={**fit.quality, THROUGH: list(shared)})
+
+
+def _through_one(job: Job, fit: Fit, witness: CameraRecord) -> Fit:
+    from texproj.stages.single_witness import borne_out  # noqa: PLC0415 - slow to load
+
+    photo = job.project.load_photo(job.name, REGISTRATION_LONGEST)
+    options = job.project.settings.structure
+    return borne_out(fit, witness, photo, job.bench.render, options, job.bench.surface_sample)
 
 
 def expected_error_px(record: CameraRecord) -> float:
@@ -300,7 +318,7 @@ METHODS: dict[str, Callable[[Job], Fit]] = {
 READS: dict[str, tuple[str, ...]] = {
     "points": ("points",),
     "structure": ("structure", "render"),
-    "features": ("points", "render"),
+    "features": ("points", "structure", "render"),
     "mutual-information": ("mutual-information", "render"),
     "silhouette": ("silhouette", "mutual-information", "structure", "render"),
     "block": ("render",),

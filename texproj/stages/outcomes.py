@@ -16,6 +16,8 @@ from texproj.stages.attending import attended
 
 UNUSABLE = "unusable_input"
 """Key of an entry's quality: a file of the photo cannot be read, so nothing else is tried."""
+CONTRADICTED = "is that one's camera right?"
+"""Ends what is said of a single registered photo that the mesh's edges contradict."""
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from texproj.project import Project
 from texproj.records import DOUBTED, CameraRecord, Fit
 from texproj.stages import attempts
 from texproj.stages.attending import PhotoFaultError, attended
@@ -24,7 +23,7 @@ from texproj.stages.methods import (
     Job,
     Search,
     is_slow,
-    search_as_asked,
+    search_alone,
     search_by_others,
     search_by_own_means,
     shared_points,
@@ -80,11 +79,6 @@ def register_photos(
     progress(STAGE, len(chosen), len(chosen), "")
     project.save_hashes()
     return [run.outcomes[name] for name in chosen]
-
-
-def registration_freshness(project: Project) -> list[Freshness]:
-    """For each photo, whether its registration is up to date."""
-    return list(Lineage.of(project, project.load_cameras()).states.values())
 
 
 class _Run:
@@ -280,19 +274,14 @@ class _Run:
         """Photo by photo, by the method that was asked for or by the photo's own means."""
         if self.asked in ("features", "block"):
             return
-        every = self.chosen if self.asked == AUTO else self.lineage.order
-        names = [name for name in every if name in self.waiting and self.is_alone(name)]
-        search = search_by_own_means
-        if self.asked != AUTO:
-            search = partial(search_as_asked, method=self.asked)
+        auto = self.asked == AUTO
+        waiting = [n for n in (self.chosen if auto else self.lineage.order) if n in self.waiting]
+        names = [n for n in waiting if not auto or (not self.through(n) and self.job(n).has_means)]
         jobs = [job for job in map(self.job, names) if is_slow(job, self.asked)]
+        search = partial(search_alone, method=self.asked)
         with searched_beside(self.bench, jobs, search, self.tell) as found:
             for name in names:
                 self.own[name] = self.attend(name, found)
-
-    def is_alone(self, name: str) -> bool:
-        """Whether a photo is searched without asking others first."""
-        return self.asked != AUTO or (not self.through(name) and self.job(name).has_means)
 
     def attend_through_others(self) -> None:
         """What the photos that are registered show of others, and those of others again."""

@@ -20,6 +20,7 @@ from texproj.report.verdict import verdict
 from texproj.stages.appearing import STAGE as APPEARANCE
 from texproj.stages.bench import Workbench
 from texproj.stages.coloring import STAGE as COLOR
+from texproj.stages.coloring import color_freshness
 from texproj.stages.depicting import pictures
 from texproj.stages.entries import is_refined
 from texproj.stages.freshness import Freshness, Inputs, changed_inputs, file_inputs, options_inputs
@@ -101,11 +102,17 @@ def _inputs(project: Project) -> Inputs:
         "texproj": __version__,
         "cameras": json_hash([_shown(r) for r in project.load_cameras().values()]),
         "model": json_hash(project.load_record(COLOR)),
+        "what the model is not up to date with": _outdated(project),
         "refinement": json_hash((project.load_record(REFINE) or {}).get("quality")),
         "appearance": json_hash(project.load_record(APPEARANCE)),
         "what nothing uses": json_hash(project.notes),
         **file_inputs(project, **shown),
     }
+
+
+def _outdated(project: Project) -> str:
+    """Why the model is not what the project's inputs give; empty if it is, or if there is none."""
+    return "" if project.load_record(COLOR) is None else color_freshness(project).reason
 
 
 def _shown(record: CameraRecord) -> list[Any]:
@@ -144,6 +151,7 @@ def _facts(bench: Workbench, records: dict[str, CameraRecord]) -> dict[str, Any]
         **_certainty(project, records),
         "photos": photos,
         "color": color and _color_facts(color),
+        "outdated": _outdated(project),
         "appearance": appearance and {**appearance, "files": list(appearance["outputs"])},
         "provenance": (color or {}).get("provenance"),
         "copyright": (color or {}).get("copyright", ""),

@@ -20,6 +20,7 @@ from texproj.stages.bench import Workbench
 from texproj.stages.choosing import told_of
 from texproj.stages.coloring import ColorOutcome, color_freshness, color_project
 from texproj.stages.freshness import Freshness
+from texproj.stages.lineage import registration_freshness
 from texproj.stages.outcomes import PhotoOutcome, Tally
 from texproj.stages.progress import Progress, silent
 from texproj.stages.refining import (
@@ -29,7 +30,7 @@ from texproj.stages.refining import (
     undo_refinement,
     unrefined,
 )
-from texproj.stages.registering import register_photos, registration_freshness
+from texproj.stages.registering import register_photos
 from texproj.stages.reporting import ReportOutcome, report_freshness, report_project
 from texproj.stages.story import story
 

@@ -38,7 +38,7 @@ from texproj.provenance import NOTHING, Provenance
 from texproj.standing import Standing, standing
 
 STEM = "model"
-PLY, GLB, OBJ, USDZ = "model.ply", "model.glb", "model.obj", "model.usdz"
+PLY, GLB, OBJ = "model.ply", "model.glb", "model.obj"
 KTX2_SIZE = 4
 """Width and height of a page in KTX 2 are multiples of it (KHR_texture_basisu)."""
 
@@ -84,7 +84,7 @@ def output_plan(
     plan = OutputPlan(
         tuple(kind for kind in possible if kind in asked),
         "png" if image == "ktx2" else image,
-        "png" if image == "tiff" else image,
+        "png" if image == "tiff" or image == "exr" else image,  # noqa: PLR1714 - mypy narrows
         color.bits,
         output,
         standing(output.up, output.unit, cameras),
@@ -101,12 +101,12 @@ def _check_bits(plan: OutputPlan, textured: bool) -> None:
     if plan.bits == 8:
         return
     deep = (
-        "obj" in plan.models and plan.obj_image in ("png", "tiff")
+        "obj" in plan.models and plan.obj_image in ("png", "tiff", "exr")
         if textured
         else "glb" in plan.models
     )
     if not deep:
-        where = "an obj with png or tiff images" if textured else "a glb"
+        where = "an obj with png, tiff or exr images" if textured else "a glb"
         raise UsageError(f"bits: 16 bits are only held by {where}; add that, or set bits to 8")
 
 
@@ -138,63 +138,88 @@ def _with_one_more(rows: NDArray[Any], value: int) -> NDArray[Any]:
 
 
 def write_texture(folder: Path, mesh: Mesh, texture: Texture, plan: OutputPlan) -> tuple[str, ...]:
-    """Write the textured mesh and its images; returns the file names.
+    """Write the textured mesh and its images; returns the file names."""
+    return write_model(folder / STEM, textured_mesh(mesh, texture, plan.options.normals), plan)
 
-    The text of the obj is written while the images are encoded.
+
+def write_model(stem: Path, model: TexturedMesh, plan: OutputPlan) -> tuple[str, ...]:
+    """Write the files of a model, whose names begin with `stem`; returns their names.
+
+    The text of the obj is written while the images are encoded. A normal map is written beside the
+    obj, and into a glb that is lit and holds no ktx2.
     """
-    model = textured_mesh(mesh, texture, plan.options.normals)
     endings = file_endings(model)
-    images = page_files(folder / STEM, endings, IMAGE_SUFFIXES[plan.obj_image])
+    images = page_files(stem, endings, IMAGE_SUFFIXES[plan.obj_image])
+    bumps = page_files(stem.with_name(f"{stem.name}_normals"), endings, IMAGE_SUFFIXES["png"])
+    bumps = bumps if model.normal_map is not None else []
     written: list[Path] = []
     with ThreadPoolExecutor(1) as beside:
         if "obj" in plan.models:
-            text = beside.submit(write_obj, folder / OBJ, model, images, plan.provenance.lines)
-            quality = plan.options.quality
-            write_pages(folder / STEM, model.pages, plan.obj_image, quality, endings)
+            files, said = [*images, *bumps], plan.provenance.lines
+            text = beside.submit(write_obj, stem.with_suffix(".obj"), model, files, said)
+            write_pages(stem, model.pages, plan.obj_image, plan.options.quality, endings)
+            _write_bumps(stem, model, endings)
         if "glb" in plan.models:
-            _write_glb(folder, model, images, plan)
-            written.append(folder / GLB)
+            written.append(_write_glb(stem, model, images, plan))
         if "usdz" in plan.models:
-            _write_usdz(folder, model, images, plan)
-            written.append(folder / USDZ)
+            written.append(_write_usdz(stem, model, images, plan))
         if "obj" in plan.models:
-            written += [*text.result(), *images]
+            written += [*text.result(), *images, *bumps]
     return tuple(path.name for path in written)
 
 
+def _write_bumps(stem: Path, model: TexturedMesh, endings: Sequence[str]) -> list[Path]:
+    if model.normal_map is None:
+        return []
+    return write_pages(
+        stem.with_name(f"{stem.name}_normals"), model.normal_map.pages, "png", endings=endings
+    )
+
+
 def _write_glb(
-    folder: Path, model: TexturedMesh, obj_images: Sequence[Path], plan: OutputPlan
-) -> None:
-    """Write the glb, with the images of the obj if they are what it wants."""
+    stem: Path, model: TexturedMesh, obj_images: Sequence[Path], plan: OutputPlan
+) -> Path:
+    """Write the glb, with the images of the obj if they are what it wants; returns its file."""
     shared = "obj" in plan.models and plan.obj_image == plan.glb_image and plan.bits == 8
     if plan.glb_image == "ktx2":
         model = padded(model, KTX2_SIZE)
-    images = obj_images if shared else _glb_images(folder, model, plan)
+    inside = stem.with_name(f"inside_{stem.name}")
+    images = list(obj_images) if shared else _glb_images(inside, model, plan)
+    bumps: list[Path] = []
+    if model.normal_map is not None and not plan.options.unlit and plan.glb_image != "ktx2":
+        bumped = inside.with_name(f"{inside.name}_normals")
+        bumps = write_pages(bumped, model.normal_map.pages, plan.glb_image, plan.options.quality)
     shown = plan.glb_image, plan.options.unlit, plan.standing
-    write_glb(folder / GLB, model, images, *shown, plan.provenance)
-    for image in () if shared else images:
+    path = stem.with_suffix(".glb")
+    write_glb(path, model, [*images, *bumps], *shown, plan.provenance)
+    for image in [*bumps, *(() if shared else images)]:
         image.unlink()
+    return path
 
 
 def _write_usdz(
-    folder: Path, model: TexturedMesh, obj_images: Sequence[Path], plan: OutputPlan
-) -> None:
-    """Write the usdz, which holds png and jpeg alone, with the images of the obj if they fit."""
+    stem: Path, model: TexturedMesh, obj_images: Sequence[Path], plan: OutputPlan
+) -> Path:
+    """Write the usdz, which holds png and jpeg alone, with the images of the obj if they fit;
+    returns its file.
+    """
     kind: ImageFormat = "jpeg" if plan.obj_image == "jpeg" else "png"
     shared = "obj" in plan.models and plan.obj_image == kind and plan.bits == 8
     images = obj_images
     if not shared:
         pages = tuple(to_8_bit(page) for page in model.pages)
-        images = write_pages(folder / f"inside_{STEM}", pages, kind, plan.options.quality)
+        inside = stem.with_name(f"inside_{stem.name}")
+        images = write_pages(inside, pages, kind, plan.options.quality)
     shown = plan.options.unlit, plan.standing
-    write_usdz(folder / USDZ, model, images, *shown, plan.provenance)
+    path = stem.with_suffix(".usdz")
+    write_usdz(path, model, images, *shown, plan.provenance)
     for image in () if shared else images:
         image.unlink()
+    return path
 
 
-def _glb_images(folder: Path, model: TexturedMesh, plan: OutputPlan) -> list[Path]:
+def _glb_images(stem: Path, model: TexturedMesh, plan: OutputPlan) -> list[Path]:
     """The pages in 8 bits, as files that go once they are inside the glb."""
-    stem = folder / f"inside_{STEM}"
     pages = tuple(to_8_bit(page) for page in model.pages)
     if plan.glb_image != "ktx2":
         return write_pages(stem, pages, plan.glb_image, plan.options.quality)

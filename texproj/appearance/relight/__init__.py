@@ -2,9 +2,9 @@
 
 from texproj.appearance.relight.environment import Environment, overcast
 from texproj.appearance.relight.illumination import Illumination, Lamp, Sun
+from texproj.appearance.relight.lit_surface import LitSurface
 from texproj.appearance.relight.pictures import relit_pictures
 from texproj.appearance.relight.radiosity import Radiosity
-from texproj.appearance.relight.surface import LitSurface
 from texproj.appearance.relight.tone import TONES, Development, ToneName, exposure_of_ev
 
 __all__ = [

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
 from texproj.appearance.flash.reflection import DIELECTRIC, Angles, linear_terms
 from texproj.appearance.relight.illumination import Illumination
+from texproj.appearance.relight.lit_surface import LitSurface
 from texproj.appearance.relight.radiosity import Obstacles, Radiosity
-from texproj.appearance.relight.surface import LitSurface
+from texproj.appearance.relight.split_sum import split_sum
 from texproj.arrays import Doubles, Floats
 from texproj.camera import Camera
 from texproj.render import Renderer
@@ -61,6 +63,7 @@ class _Shading:
             direct += power * np.maximum(cosine, 0)[:, None]
         self.soft = around.around(direct, base)
         self.sent = base / np.float32(np.pi) * (self.soft + direct)
+        self.around = (self.soft - around.sky) / np.float32(np.pi)
         self.openness = around.openness
 
     def _straight(self, xyz: Floats, normals: Floats) -> Iterator[tuple[Floats, Floats]]:
@@ -93,7 +96,11 @@ class _Shading:
         base, soft = self.surface.paint(met), between(self.soft)
         roughness, metal = between(self.surface.roughness), between(self.surface.metallic)
         out = base / np.float32(np.pi) * soft * (1 - metal)[:, None]
-        out += self._mirrored(xyz, normal, to_eye, base, (roughness, metal), between(self.openness))
+        spread = _Spread(roughness, between(self.openness), between(self.around))
+        scale, bias = split_sum(_cosine(normal, to_eye), roughness)
+        f0 = DIELECTRIC * (1 - metal)[:, None] + metal[:, None] * base
+        mirrored = self._mirrored(xyz, normal, to_eye, spread)
+        out += mirrored * (f0 * scale[:, None] + bias[:, None])
         for toward, power in self._straight(xyz, normal):
             angles, cosine = _angles(normal, to_eye, toward)
             f0 = np.full(len(metal), DIELECTRIC, np.float32)
@@ -101,39 +108,35 @@ class _Shading:
             out += (slope[:, None] * base + offset[:, None]) * power * cosine[:, None]
         return out
 
-    def _mirrored(
-        self, xyz: Floats, normal: Floats, to_eye: Floats, base: Floats,
-        gloss: tuple[Floats, Floats], openness: Floats,
-    ) -> Floats:  # fmt: skip
-        """(n, 3) of far away and of the surface around, in the mirror of the surface."""
-        roughness, metal = gloss
-        nv = np.maximum(np.einsum("nc,nc->n", normal, to_eye), np.float32(LEAST_COSINE))
+    def _mirrored(self, xyz: Floats, normal: Floats, to_eye: Floats, spread: _Spread) -> Floats:
+        """(n, 3) radiance of far away and of the surface around in the mirror of the surface: what
+        one ray meets, and the more so the rougher it is what all of them meet on the average.
+        """
+        nv = _cosine(normal, to_eye)
         toward = _unit(2 * nv[:, None] * normal - to_eye)
         hits = self.obstacles.caster.first(xyz + self.obstacles.lift * normal, toward)
-        free = (hits.face < 0).astype(np.float32)
-        seen = np.zeros((len(xyz), 3), np.float32)
+        rough = spread.roughness
+        seen = rough[:, None] * spread.around
         if self.light.environment is not None:
-            sky = self.light.environment.looked_up(toward, roughness)
-            seen += sky * (free + (openness - free) * roughness)[:, None]
+            free = (1 - rough) * (hits.face < 0) + rough * spread.openness
+            seen += self.light.environment.looked_up(toward, rough) * free[:, None]
         rows = np.flatnonzero(hits.face >= 0)
         u, v = hits.u[rows], hits.v[rows]
-        weights = np.stack([1 - u - v, u, v], axis=1)
+        weights = np.stack([1 - u - v, u, v], axis=1) * (1 - rough[rows, None])
         corner = self.obstacles.faces[hits.face[rows]]
         seen[rows] += np.einsum("nk,nkc->nc", weights, self.sent[corner])
-        scale, bias = _split_sum(nv, roughness)
-        f0 = DIELECTRIC * (1 - metal)[:, None] + metal[:, None] * base
-        return seen * (f0 * scale[:, None] + bias[:, None])
+        return seen
 
 
-def _split_sum(nv: Floats, roughness: Floats) -> tuple[Floats, Floats]:
-    """What a GGX mirror reflects of a uniform environment: F0 times the first, plus the second.
-
-    The fit of B. Karis, "Physically based shading on mobile", 2014, after D. Lazarov 2013.
+@dataclass(frozen=True, eq=False)
+class _Spread:
+    """Where a rough mirror looks: roughness (n,), openness (n,) to what is far away, around (n, 3)
+    radiance of the surface in all other directions, times their part.
     """
-    rx, ry = 1 - roughness, 0.0425 - 0.0275 * roughness
-    rz, rw = 1.04 - 0.572 * roughness, 0.022 * roughness - 0.04
-    a = np.minimum(rx * rx, np.exp2(-9.28 * nv)) * rx + ry
-    return (-1.04 * a + rz).astype(np.float32), (1.04 * a + rw).astype(np.float32)
+
+    roughness: Floats
+    openness: Floats
+    around: Floats
 
 
 def _angles(normal: Floats, to_eye: Floats, toward: Floats) -> tuple[Angles, Floats]:
@@ -141,10 +144,15 @@ def _angles(normal: Floats, to_eye: Floats, toward: Floats) -> tuple[Angles, Flo
     half = _unit(to_eye + toward)
     cosine = np.maximum(np.einsum("nc,nc->n", normal, toward), 0)
     nl = np.maximum(cosine, np.float32(LEAST_COSINE))
-    nv = np.maximum(np.einsum("nc,nc->n", normal, to_eye), np.float32(LEAST_COSINE))
+    nv = _cosine(normal, to_eye)
     nh = np.clip(np.einsum("nc,nc->n", normal, half), 0, 1)
     vh = np.clip(np.einsum("nc,nc->n", to_eye, half), 0, 1)
     return Angles(nl, nv, nh, vh), cosine
+
+
+def _cosine(normal: Floats, to_eye: Floats) -> Floats:
+    """(n,) never quite aslant."""
+    return np.maximum(np.einsum("nc,nc->n", normal, to_eye), np.float32(LEAST_COSINE))
 
 
 def _unit(vectors: Floats | Doubles) -> Floats:

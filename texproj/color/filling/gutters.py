@@ -27,7 +27,7 @@ def fill_page(page: NDArray[Any], known: NDArray[np.bool_]) -> None:
     def one(number: int) -> None:
         rows = _strip(number, len(page))
         smooth = _enlarged(half, rows, page.shape)
-        if page.dtype.kind == "u":
+        if page.dtype.kind in "ui":
             smooth = np.round(smooth).astype(page.dtype)
         np.copyto(page[rows], smooth, where=~known[rows][..., None])
 

@@ -4,12 +4,15 @@ to lie beside them on the page.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.arrays import Floats
+from texproj.color.filling.gutters import fill_page
 from texproj.color.filling.vertices import fill_vertices
 from texproj.color.points.texels import TexelPoints
 from texproj.mesh import Mesh
@@ -21,12 +24,18 @@ Pages = list[NDArray[Any]]
 INWARDS = 0.3
 """How far from a corner towards the middle of its face its color is read: on the chart for sure."""
 
-FADE = 6
+FADE = 3
 """Texels over which what is seen fades into what is filled: beside surface that is hidden in all
 photos the last of them show a bit of what hides it."""
 
 WIDE = 3
 """Texels across unseen surface from which on it is faded into: narrower gaps are closed alone."""
+
+RING = 8
+"""Texels beside what is unseen whose difference from the membrane of vertices goes on into it: so
+that faces larger than texels leave no step."""
+
+BESIDE, ELSEWHERE = FADE + 1, FADE + 2
 
 STRIP = 512
 """Rows of a page that are looked at at once."""
@@ -36,7 +45,8 @@ def fill_unseen(
     mesh: Mesh, atlas: Atlas, points: TexelPoints, pages: Pages, counts: list[NDArray[np.uint8]]
 ) -> None:
     """Color, in place, the texels of charts whose count of photos is 0, and fade those beside them
-    into the same.
+    into the same: the membrane of the vertices, and what the texels around differ from it, smooth
+    on the page.
     """
     if sum(int(np.count_nonzero(count)) for count in counts) == sum(points.sizes):
         return
@@ -45,37 +55,70 @@ def fill_unseen(
         for number, count in enumerate(counts)
     ]
     rgb, seen = vertex_colors(mesh, atlas, pages, apart)
-    if not seen.any():
+    if seen.any():
+        membrane = _Membrane(mesh, atlas, points, fill_vertices(mesh, rgb, seen))
+        for number, page in enumerate(pages):
+            _fill(membrane, number, page, apart[number])
+
+
+@dataclass(frozen=True, eq=False)
+class _Membrane:
+    """The (V, 3) colors of vertices, filled, between the vertices of each face."""
+
+    mesh: Mesh
+    atlas: Atlas
+    points: TexelPoints
+    rgb: Floats
+
+    def at(self, number: int, chosen: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """(n, 3) at chosen texels (an image) of a tile."""
+        face, tile = self.points.owners_at(number, chosen), self.points.tiles[number]
+        row, column = np.nonzero(chosen)
+        xy = np.stack([column + (tile.columns.start + 0.5), row + (tile.rows.start + 0.5)], 1)
+        weight = barycentric(self.atlas.uv_px[self.atlas.faces[face]], xy)
+        colors: NDArray[np.float64] = np.einsum(
+            "nk,nkc->nc", weight, self.rgb[self.mesh.faces[face]]
+        )
+        return colors
+
+
+def _fill(membrane: _Membrane, number: int, page: NDArray[Any], apart: NDArray[np.uint8]) -> None:
+    points = membrane.points
+    tiles = [
+        k for k, tile in enumerate(points.tiles)
+        if tile.page == number and (apart[tile.rows, tile.columns] <= BESIDE).any()
+    ]  # fmt: skip
+    if not tiles:
         return
-    rgb = fill_vertices(mesh, rgb, seen)
-    corners = atlas.uv_px[atlas.faces]
+    difference = np.zeros(page.shape, np.int16 if page.itemsize == 1 else np.int32)
 
-    def one(number: int) -> None:
-        tile = points.tiles[number]
-        distance = apart[tile.page][tile.rows, tile.columns]
-        touched = points.mask(number) & (distance <= FADE)
-        if touched.any():
-            face = points.owners_at(number, touched)
-            row, column = np.nonzero(touched)
-            xy = np.stack([column + (tile.columns.start + 0.5), row + (tile.rows.start + 0.5)], 1)
-            weight = barycentric(corners[face], xy)
-            colors = np.einsum("nk,nkc->nc", weight, rgb[mesh.faces[face]])
-            page = pages[tile.page][tile.rows, tile.columns]
-            kept = (distance[touched][:, None] / (FADE + 1)) ** 2
-            colors += kept * (page[touched] - colors)
-            page[touched] = np.round(colors.clip(0, np.iinfo(page.dtype).max)).astype(page.dtype)
+    def compare(k: int) -> None:
+        place = points.tiles[k].rows, points.tiles[k].columns
+        beside = points.mask(k) & (apart[place] == BESIDE)
+        difference[place][beside] = np.round(page[place][beside] - membrane.at(k, beside))
 
-    in_parallel(one, range(len(points.tiles)))
+    def color(k: int) -> None:
+        place = points.tiles[k].rows, points.tiles[k].columns
+        touched = points.mask(k) & (apart[place] <= FADE)
+        kept = apart[place][touched][:, None] / (FADE + 1)
+        colors = membrane.at(k, touched) + difference[place][touched]
+        colors += kept * (page[place][touched] - colors)
+        page[place][touched] = np.round(colors.clip(0, np.iinfo(page.dtype).max))
+
+    in_parallel(compare, tiles)
+    fill_page(difference, apart == BESIDE)
+    in_parallel(color, tiles)
 
 
 def from_unseen(count: NDArray[np.uint8], inside: NDArray[np.bool_]) -> NDArray[np.uint8]:
     """(h, w) 0 where a page's chart is not seen, 1 to `FADE` within so many texels of such parts
-    that are `WIDE`, `FADE` + 1 elsewhere.
+    that are `WIDE`, `BESIDE` within `RING` texels of any, `ELSEWHERE` else and outside of charts.
 
     count: (h, w) photos that see a texel; inside: (h, w) whether it is on the surface.
     """
-    out = np.full(count.shape, FADE + 1, np.uint8)
-    margin, kernel = FADE + WIDE, np.ones((WIDE, WIDE), np.uint8)
+    out = np.full(count.shape, ELSEWHERE, np.uint8)
+    margin, kernel = RING + WIDE, np.ones((WIDE, WIDE), np.uint8)
+    around = np.ones((2 * RING + 1,) * 2, np.uint8)
 
     def one(number: int) -> None:
         first, last = number * STRIP, min((number + 1) * STRIP, len(count))
@@ -84,10 +127,14 @@ def from_unseen(count: NDArray[np.uint8], inside: NDArray[np.bool_]) -> NDArray[
         if not unseen.any():
             return
         own = slice(first - rows.start, last - rows.start)
+        part, on_chart = out[first:last], inside[first:last]
+        part[(cv2.dilate(unseen, around)[own] > 0) & on_chart] = BESIDE
         wide = cv2.morphologyEx(unseen, cv2.MORPH_OPEN, kernel)
-        far = cv2.distanceTransform(1 - wide, cv2.DIST_L2, 3)[own]
-        np.minimum(out[first:last], np.ceil(far), out=out[first:last], casting="unsafe")
-        out[first:last][unseen[own] > 0] = 0
+        if wide.any():
+            far = np.ceil(cv2.distanceTransform(1 - wide, cv2.DIST_L2, 3)[own])
+            near = (far <= FADE) & on_chart
+            part[near] = far[near]
+        part[unseen[own] > 0] = 0
 
     in_parallel(one, range(-(-len(count) // STRIP)))
     return out

@@ -33,8 +33,9 @@ FRAMES = ("", "keyframes/corrected_cameras", "keyframes/cameras", "corrected_cam
 COLMAP = ("colmap", "colmap-binary")
 """Names of one reader, which takes the binary files where both are there."""
 OWN = "texproj"
-SIDECARS, VIEWS, ARKIT = "realityscan-xmp", "texrecon", "arkit"
+SIDECARS, VIEWS, ARKIT, MICMAC = "realityscan-xmp", "texrecon", "arkit", "micmac"
 """Formats of one file a photo: their readers take the folder."""
+ORIENTATIONS = "Orientation-*.xml"
 HEAD_BYTES = 1 << 16
 LISTS = {"shots": "opensfm", "transform": "nerfstudio-poses"}
 OBJECTS = {
@@ -62,6 +63,8 @@ def detect(path: Path, asked: str | None = None) -> tuple[str, Path]:
         return SIDECARS, path.parent
     if path.suffix.lower() == ".cam" and asked in (None, VIEWS):
         return VIEWS, path.parent
+    if path.match(ORIENTATIONS) and asked in (None, MICMAC):
+        return MICMAC, path.parent
     if path.name in MODEL_FILES and asked in (None, *COLMAP):
         return asked or "colmap", path.parent
     found = asked or _of_file(path)
@@ -79,8 +82,8 @@ def _in_folder(path: Path, asked: str | None) -> tuple[str, Path]:
             return _of_file(files[0]), files[0]  # Blender's synthetic data has the name, too
         if files:
             return kind, files[0]
-    for ending, kind in ((".xmp", SIDECARS), (".cam", VIEWS)):
-        if asked in (None, kind) and any(path.glob(f"*{ending}")):
+    for pattern, kind in ((ORIENTATIONS, MICMAC), ("*.xmp", SIDECARS), ("*.cam", VIEWS)):
+        if asked in (None, kind) and any(path.glob(pattern)):
             return kind, path
     for sub in FRAMES if asked in (None, ARKIT) else ():
         if any(_is_frame_file(file) for file in sorted((path / sub).glob("*.json"))[:SHOWN]):

@@ -17,6 +17,7 @@ from texproj.formats.interchange.colmap import read_colmap, write_colmap
 from texproj.formats.interchange.meshlab import read_meshlab, write_meshlab
 from texproj.formats.interchange.meshroom import read_meshroom, write_meshroom
 from texproj.formats.interchange.metashape import read_metashape, write_metashape
+from texproj.formats.interchange.micmac import read_micmac, write_micmac
 from texproj.formats.interchange.model import ForeignModel, Shot, SizeOf, Written
 from texproj.formats.interchange.nerfstudio import read_nerfstudio, write_nerfstudio
 from texproj.formats.interchange.nerfstudio_poses import read_nerfstudio_poses
@@ -134,6 +135,10 @@ FORMATS = (
     CameraFormat(
         "table", "surveyors, drones, Metashape, Pix4D", "orientations.txt", read_table,
         _without_mesh(write_table),
+    ),
+    CameraFormat(
+        "micmac", "MicMac (Apero, Tapas)", "Orientation-PHOTO.xml and calibrations", read_micmac,
+        _without_mesh(write_micmac),
     ),
     CameraFormat("blender", "Blender", "cameras.py", None, write_blender, "Blender 5.0"),
 )  # fmt: skip

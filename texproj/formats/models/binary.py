@@ -50,7 +50,7 @@ class Document:
         return self._accessor(np.ascontiguousarray(values, "<u4"), "SCALAR", ELEMENT_ARRAY_BUFFER)
 
     def vectors(self, values: NDArray[Any], bounds: bool = False) -> int:
-        """Append (n, 2 or 3) values per vertex as float32; their accessor's number."""
+        """Append (n, 2 to 4) values per vertex as float32; their accessor's number."""
         data = np.ascontiguousarray(values, "<f4")
         number = self._accessor(data, f"VEC{data.shape[1]}", ARRAY_BUFFER)
         if bounds:

@@ -50,13 +50,20 @@ def write_glb(
     says. They are float32; where that is not enough they count
     from the middle of the model and the node is moved there. `unlit` shows the colors as they
     were photographed (KHR_materials_unlit), viewers without it light them. images: the files of
-    the pages, 8 bits as the standard has it for colors; webp and ktx2 are marked as required,
+    the pages, 8 bits as the standard has it for colors, then those of the model's normal map if it
+    shall be there; webp and ktx2 are marked as required,
     there is no second copy for viewers without them. `provenance` stands in the asset: copyright,
     and its facts under extras.texproj. Raises OSError.
     """
     document = Document()
     names = page_names(model)
-    materials = [_material(i, unlit, names[i]) for i in range(len(images))]
+    pages = len(model.pages)
+    bumps = len(images) - pages  # as many again, or none
+    if bumps <= 0:
+        model = replace(model, normal_map=None)
+    materials = [_material(i, unlit, names[i]) for i in range(min(pages, len(images)))]
+    for i, material in enumerate(materials if bumps > 0 else ()):
+        material["normalTexture"] = {"index": pages + i}
     if (model.page_of_face < 0).any():
         materials.append(_material(None, unlit, UNTEXTURED))
     if model.parts is None:
@@ -252,6 +259,8 @@ def _primitive(
         kept = model.parts.uv_down[texel] if model.parts is not None else None
         uv_down = model.uv[texel] * (1, -1) + (0, 1) if kept is None else kept
         attributes["TEXCOORD_0"] = document.vectors(uv_down)
+        if model.normal_map is not None and model.normals is not None:
+            attributes["TANGENT"] = document.vectors(model.normal_map.tangents[texel])
     material = page if page >= 0 else len(model.pages)
     return {
         "attributes": attributes,

@@ -1,10 +1,11 @@
-"""Images of textures as bytes, marked as sRGB."""
+"""Images of textures as bytes, marked as sRGB; OpenEXR in linear light."""
 
 from __future__ import annotations
 
 import io
 import os
 import struct
+import tempfile
 import zlib
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -18,13 +19,14 @@ from numpy.typing import NDArray
 
 from texproj.errors import OutputError
 from texproj.formats.jpeg import jpeg_bytes
+from texproj.photo import linear_from_srgb
 
 Bytes = bytes | bytearray | memoryview
 
-ImageFormat = Literal["png", "jpeg", "webp", "tiff"]
+ImageFormat = Literal["png", "jpeg", "webp", "tiff", "exr"]
 
 IMAGE_SUFFIXES: dict[ImageFormat, str] = {
-    "png": ".png", "jpeg": ".jpg", "webp": ".webp", "tiff": ".tif",
+    "png": ".png", "jpeg": ".jpg", "webp": ".webp", "tiff": ".tif", "exr": ".exr",
 }  # fmt: skip
 
 QUALITY = 95
@@ -43,7 +45,8 @@ GAMMA = 45455
 def encode_image(pixels: NDArray[Any], kind: ImageFormat, quality: int = QUALITY) -> bytes:
     """(h, w, 3 or 4) sRGB-encoded uint8 or uint16 pixels, RGB order, row 0 on top, as a file.
 
-    jpeg and webp hold 8 bits, jpeg no alpha: there the rest is rounded or left out. quality: of
+    jpeg and webp hold 8 bits, jpeg no alpha: there the rest is rounded or left out; exr holds
+    linear light in half precision, by sRGB's primaries. quality: of
     jpeg and webp, 1..100; 100 keeps every value in a webp. Raises OutputError for a page that is
     too large for a webp.
     """
@@ -56,6 +59,8 @@ def _parts(pixels: NDArray[Any], kind: ImageFormat, quality: int) -> Iterable[By
         return _png(pixels)
     if kind == "tiff":
         return (_tiff(pixels),)
+    if kind == "exr":
+        return (_exr(pixels),)
     return _jpeg(pixels, quality) if kind == "jpeg" else (_webp(pixels, quality),)
 
 
@@ -169,6 +174,20 @@ def _tiff(pixels: NDArray[Any]) -> bytes:
         iccprofile=srgb_profile(), metadata=None, **extra,
     )  # fmt: skip
     return out.getvalue()
+
+
+def _exr(pixels: NDArray[Any]) -> bytes:
+    """The format's own library writes to files alone."""
+    import OpenEXR  # noqa: PLC0415
+
+    top = np.iinfo(pixels.dtype).max
+    table = linear_from_srgb(np.arange(top + 1) / top).astype(np.float16)
+    light = np.ascontiguousarray(table[pixels[..., :3]])
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "page.exr"
+        OpenEXR.File(header, {"RGB": light}).write(str(path))
+        return path.read_bytes()
 
 
 @lru_cache(maxsize=1)

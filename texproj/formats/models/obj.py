@@ -34,10 +34,11 @@ def write_obj(
 ) -> list[Path]:
     """Write `path` and its .mtl beside it; returns both.
 
-    images: the files of the pages, in the same folder. Faces are grouped by the model's own parts,
-    if it keeps them, then by page, in their order within each. comments: lines at the head of both;
-    gloss: of each page the files of roughness and metallic, for the keys that Blender and others
-    read for physically based materials. Raises OSError.
+    images: the files of the pages, in the same folder, then those of the model's normal map if
+    there are any. Faces are grouped by the model's own parts, if it keeps them, then by page, in
+    their order within each. comments: lines at the head of both; gloss: of each page the files of
+    roughness and metallic, for the keys that Blender and others read for physically based
+    materials. Raises OSError.
     """
     materials = path.with_suffix(".mtl")
     names = (*page_names(model), UNTEXTURED)  # the last is that of page -1
@@ -85,11 +86,15 @@ def _exact(uv: NDArray[np.float64]) -> Iterator[bytes]:
 
 
 def _mtl(names: Sequence[str], images: list[str], maps: list[str], untextured: bool) -> str:
-    """Materials that shine by nothing but their texture and maps."""
+    """Materials that shine by nothing but their texture and maps. names: those of the pages, and
+    one; images: of the pages, then maybe of their normal maps.
+    """
     look = "Ka 1 1 1\nKd 1 1 1\nKs 0 0 0\nd 1\nillum 1\n"
+    pages = len(names) - 1
+    bumps = [f"norm {image}\n" for image in images[pages:]] or [""] * pages
     blocks = [
-        f"newmtl {name}\n{look}map_Kd {image}\n{extra}"
-        for name, image, extra in zip(names, images, maps, strict=False)
+        f"newmtl {name}\n{look}map_Kd {image}\n{extra}{bump}"
+        for name, image, extra, bump in zip(names, images, maps, bumps, strict=False)
     ]
     if untextured:
         blocks.append(f"newmtl {UNTEXTURED}\n{look.replace('Kd 1 1 1', 'Kd .5 .5 .5')}")

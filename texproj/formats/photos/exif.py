@@ -81,7 +81,7 @@ def directories_of(block: bytes) -> tuple[Tags, Tags]:
     return dict(exif), {**exif.get_ifd(INTEROP_IFD), **exif.get_ifd(EXIF_IFD)}
 
 
-def _number(values: Mapping[int, Any], tag: int) -> float | None:
+def number_of(values: Mapping[int, Any], tag: int) -> float | None:
     """A positive finite EXIF number, None if absent, zero or broken."""
     value = values.get(tag)
     if isinstance(value, tuple | list):
@@ -102,12 +102,15 @@ def focal_px_of(header: Described) -> tuple[float | None, tuple[str, ...]]:
     width, height, note = _exposed_size(header)
     notes = (note,) if note else ()
     by_35mm = by_plane = None
-    if film_mm := _number(header.exif, FOCAL_35MM):
+    if film_mm := number_of(header.exif, FOCAL_35MM):
         by_35mm = film_mm / DIAGONAL_35MM * math.hypot(width, height)
-    focal_mm, resolution = _number(header.exif, FOCAL_MM), _number(header.exif, PLANE_X_RESOLUTION)
-    unit = MM_PER_UNIT.get(int(_number(header.exif, PLANE_UNIT) or 2))
+    focal_mm, resolution = (
+        number_of(header.exif, FOCAL_MM),
+        number_of(header.exif, PLANE_X_RESOLUTION),
+    )
+    unit = MM_PER_UNIT.get(int(number_of(header.exif, PLANE_UNIT) or 2))
     if focal_mm and resolution and unit:
-        recorded = _number(header.exif, PIXEL_WIDTH) or header.width
+        recorded = number_of(header.exif, PIXEL_WIDTH) or header.width
         scale = width / recorded
         by_plane = focal_mm * resolution / unit * scale
     if by_plane and by_35mm and abs(by_plane / by_35mm - 1) > FOCAL_AGREEMENT:
@@ -123,7 +126,7 @@ def focal_px_of(header: Described) -> tuple[float | None, tuple[str, ...]]:
 
 def _exposed_size(header: Described) -> tuple[float, float, str]:
     """Size in pixels of what the lens threw on the sensor: larger than a cropped picture."""
-    width, height = _number(header.exif, PIXEL_WIDTH), _number(header.exif, PIXEL_HEIGHT)
+    width, height = number_of(header.exif, PIXEL_WIDTH), number_of(header.exif, PIXEL_HEIGHT)
     if not width or not height:
         return header.width, header.height, ""
     if (width < height) != (header.width < header.height):
@@ -162,7 +165,7 @@ def taken_of(header: Described) -> str:
 
 def exposure_ev_of(header: Described) -> float | None:
     """log2(t ISO / (100 N^2)): the light that reaches the file, in stops."""
-    of = partial(_number, header.exif)
+    of = partial(number_of, header.exif)
     time_s, f_number, iso = of(EXPOSURE_TIME), of(F_NUMBER), of(ISO)
     low, high = EXPOSURE_BOUNDS
     if not (time_s and f_number and iso) or not all(

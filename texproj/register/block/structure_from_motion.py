@@ -130,7 +130,8 @@ def _lens(photo: BlockPhoto) -> Lens:
     if calibrated is not None and (calibrated.is_fisheye or not bent):
         return Lens(width, height, intrinsics=calibrated.resized(width, height))
     focal = photo.info.focal_px if calibrated is None else calibrated.fx
-    return Lens(width, height, focal and focal * width / photo.info.width)
+    k1 = 0.0 if calibrated is not None else (*photo.info.distortion, 0.0)[0]
+    return Lens(width, height, focal and focal * width / photo.info.width, k1=k1)
 
 
 def reduced_size(info: PhotoInfo) -> tuple[int, int]:

@@ -98,9 +98,8 @@ def refine(
         nothing = np.full(len(cameras), np.nan)
         return Refined(start, {}, (), nothing, nothing, {"rounds": end.rounds, "pairs": len(pairs)})
     picks = {k: photo.picks for k, photo in enumerate(photos) if photo.picks is not None}
-    scale = end.joint.working_scale(options.working_px)
     solved = Solved(
-        cameras, end.cameras, end.tied, points, fixed, end.joint.lenses, end.fit, picks, scale
+        cameras, end.cameras, end.tied, points, fixed, end.joint.lenses, end.fit, picks
     ).outcome()
     solved.quality["agreement"]["tie_residual_working_px"] = round(
         float(np.nanmedian(np.linalg.norm(_apart_px(end.fit), axis=1))), 3

@@ -26,10 +26,10 @@ TIE_CORRELATION = 20.0
 """How many ties share an error (shape of the mesh, light); widens the expected error."""
 LEAST_SCATTER = 0.1
 """Of the ties' variance factor: photos that agree better than that agree by the same errors."""
-AGREEMENT_PX, FRAME_PX = 0.055, 0.22
-"""What more ties do not remove, working pixels of the surface: of one photo against the others, and
-of all together against the mesh, whose errors they take for its place. Of five real scenes with
-known cameras: .05 to .1, and .16 to .4."""
+AGREEMENT_PX, FRAME_PX, MEASURED_AT_PX = 0.055, 0.22, 768
+"""What more ties do not remove, pixels of the surface in photos reduced to the third: of one photo
+against the others, and of all together against the mesh, whose errors they take for its place. Of
+five real scenes with known cameras: .05 to .1, and .16 to .4."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ class Refined:
 class Solved:
     """The last fit and what it was made of. given, cameras: before and after; points: of each photo
     (n, 3) world points in its view; fixed: (n,) cameras that must not move; picks: by number, those
-    that hold the frame; working_scale: (n,) working pixels per full-size pixel.
+    that hold the frame.
     """
 
     given: Cameras
@@ -77,7 +77,6 @@ class Solved:
     lenses: LensParameters
     fit: LmFit[Cameras]
     picks: Mapping[int, Picks]
-    working_scale: Doubles
 
     def outcome(self) -> Refined:
         """The cameras in their frame, with their expected errors."""
@@ -87,7 +86,7 @@ class Solved:
         sure = certainty(self.cameras, seen, self.lenses, taking_part & ~self.fixed, covariance)
         cameras, frame = self._in_frame(sure, seen, taking_part)
         by_frame = frame_px(cameras, seen, sure.center, frame)
-        systematic = AGREEMENT_PX / self.working_scale
+        systematic = AGREEMENT_PX * self._reduction
         agreement = np.where(self.fixed, 0.0, np.hypot(sure.agreement_px, systematic))
         error = np.where(
             taking_part, np.where(self.fixed, 0, np.hypot(agreement, by_frame)), np.nan
@@ -113,6 +112,12 @@ class Solved:
         return Refined(cameras, {}, self.tied, error, motion, quality)
 
     @property
+    def _reduction(self) -> Doubles:
+        """(n,) full-size pixels per pixel at the size at which errors were measured."""
+        longest = np.array([max(camera.width, camera.height) for camera in self.given])
+        return np.maximum(longest / MEASURED_AT_PX, 1.0)
+
+    @property
     def _held_by(self) -> str:
         if self.fixed.any():
             return "cameras that do not move"
@@ -126,7 +131,7 @@ class Solved:
         if fixed or not np.isfinite(frame).all():
             return self.cameras, frame
         statistical = frame_px(self.cameras, seen, sure.center, frame)[taking_part]
-        systematic = (FRAME_PX / self.working_scale)[taking_part]
+        systematic = (FRAME_PX * self._reduction)[taking_part]
         frame = frame * (1 + np.median(systematic / np.maximum(statistical, 1e-9)) ** 2)
         picks = {k: one for k, one in self.picks.items() if taking_part[k]}
         if not picks:

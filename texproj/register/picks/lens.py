@@ -100,7 +100,8 @@ def lens_guess(info: PhotoInfo, prior: Intrinsics | None, options: PointsOptions
         trust: Trust = "known"
     else:
         f = info.focal_px or DEFAULT_FOCAL * side
-        k = Intrinsics(info.width, info.height, f, f, info.width / 2, info.height / 2)
+        middle = info.width / 2, info.height / 2
+        k = Intrinsics(info.width, info.height, f, f, *middle, info.distortion or (0.0,) * 5)
         trust = "approximate" if info.focal_px else "unknown"
     checked = options.focal == "auto" and trust != "unknown" and options.solve == ("auto",)
     if options.focal != "auto":

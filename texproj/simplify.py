@@ -1,7 +1,7 @@
-"""Mesh simplification in a process of its own: `python -m texproj.preview.simplify FOLDER FACES`.
+"""Mesh simplification in a process of its own: `python -m texproj.simplify FOLDER FACES`.
 
 PyMeshLab is not safe to use from two threads and keeps Python from doing anything else meanwhile;
-the server goes on answering while this works.
+the page's server goes on answering while this works.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ def decimated(mesh: Mesh, faces: int) -> Mesh:
     with tempfile.TemporaryDirectory() as folder:
         np.save(Path(folder) / "vertices.npy", mesh.vertices - mesh.center)
         np.save(Path(folder) / "faces.npy", mesh.faces)
-        command = [sys.executable, "-m", "texproj.preview.simplify", folder, str(faces)]
+        command = [sys.executable, "-m", "texproj.simplify", folder, str(faces)]
         done = subprocess.run(
             command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False
         )
         if done.returncode:
             reason = (done.stderr.strip() or "no reason given").splitlines()[-1]
-            raise TexprojError(f"large meshes are not simplified while moving: {reason}")
+            raise TexprojError(f"the mesh cannot be simplified: {reason}")
         vertices, triangles = (np.load(Path(folder) / f"{n}.npy") for n in ("vertices", "faces"))
     return Mesh(vertices + mesh.center, triangles)
 

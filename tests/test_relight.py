@@ -1,0 +1,192 @@
+"""The recovered surface in other light: on paper where paper tells, and the command."""
+
+import cv2
+import numpy as np
+import pytest
+
+from texproj.appearance.relight import (
+    TONES,
+    Development,
+    Environment,
+    Illumination,
+    Lamp,
+    LitSurface,
+    Sun,
+    exposure_of_ev,
+    overcast,
+    relit_pictures,
+)
+from texproj.appearance.relight.environment import all_directions
+from texproj.appearance.relight.split_sum import split_sum
+from texproj.appearance.relight.tone import metered
+from texproj.camera import Camera, Intrinsics, Pose
+from texproj.cli import main
+from texproj.errors import InputError
+from texproj.formats.environments import read_environment
+from texproj.mesh import ColoredMesh
+from texproj.photo import srgb_from_linear
+from texproj.render.rays import CPURenderer
+
+UP, AHEAD = np.array([0.0, 0, 1]), np.array([0.0, 1, 0])
+LENS = Intrinsics(48, 36, 60.0, 60.0, 24.0, 18.0)
+BASE = 0.5
+MIRRORED = 0.04
+"""Of a dielectric, looked at and lit from straight ahead."""
+
+
+def grid(size: float, z: float, cells: int = 8):
+    """Vertices and faces of a level square, its outside up."""
+    at = np.linspace(-size, size, cells + 1)
+    x, y = np.meshgrid(at, at)
+    n = np.arange((cells + 1) ** 2).reshape(cells + 1, cells + 1)
+    a, b, c, d = n[:-1, :-1], n[:-1, 1:], n[1:, 1:], n[1:, :-1]
+    faces = np.concatenate([np.stack(t, -1).reshape(-1, 3) for t in ((a, b, c), (a, c, d))])
+    return np.stack([x.ravel(), y.ravel(), np.full(x.size, z)], 1), faces.astype(np.int32)
+
+
+def surface(*squares, roughness=1.0, base=BASE):
+    """Matte gray squares, (size, height) each."""
+    vertices, faces = [], []
+    for square in squares:
+        v, f = grid(*square)
+        faces.append(f + sum(map(len, vertices)))
+        vertices.append(v)
+    xyz = np.concatenate(vertices)
+    gray = np.round(srgb_from_linear(np.full((len(xyz), 3), base)) * 65535).astype(np.uint16)
+    model = ColoredMesh(xyz, np.concatenate(faces), gray)
+    return LitSurface(model, np.full(len(xyz), roughness, np.float32), np.zeros(len(xyz), "f4"))
+
+
+def from_above(height: float = 4.0) -> Camera:
+    return Camera(LENS, Pose.look_at((0, 0, height), (0, 0, 0), (0, 1, 0)))
+
+
+def lit(shape, *, camera=None, **lights):
+    """(h, w, 3) luminance and (h, w) alpha."""
+    found = relit_pictures(CPURenderer(), shape, Illumination(**lights), [camera or from_above()])
+    picture = next(found)
+    return picture[..., :3], picture[..., 3]
+
+
+@pytest.mark.parametrize("tilt", [0, 60])
+def test_a_sun_on_a_matte_plane(tilt):
+    """Lambert's cosine; what is mirrored adds less than 2 % of the light where it is rough."""
+    toward = np.array([np.sin(np.radians(tilt)), 0, np.cos(np.radians(tilt))])
+    light, alpha = lit(surface((5.0, 0.0)), suns=(Sun(toward, np.full(3, 1000.0)),))
+    matte = BASE / np.pi * 1000 * np.cos(np.radians(tilt))
+    assert alpha.min() == 1
+    assert (light > matte).all()
+    assert (light < matte * 1.04).all()
+
+
+def test_a_lamp_twice_as_far_gives_a_quarter():
+    at = {h: Lamp(np.array([0.0, 0, h]), np.full(3, 100.0)) for h in (2.0, 4.0)}
+    near, far = (lit(surface((0.3, 0.0)), lamps=(at[h],))[0][18, 24, 0] for h in (2.0, 4.0))
+    assert near / far == pytest.approx(4, rel=0.02)
+    assert near == pytest.approx(BASE / np.pi * 25, rel=0.04)
+
+
+def test_what_stands_between_casts_a_shadow_and_sends_light_on():
+    """Below a small square it is dark but for what the ground and the square give each other."""
+    sun = Sun(np.array([0.6, 0, 0.8]), np.full(3, 1000.0))
+    camera = Camera(LENS, Pose.look_at((-3, 0, 1.5), (-0.75, 0, 0), (0, 0, 1)))
+    shape = surface((5.0, 0.0), (0.5, 1.0))
+    light, _ = lit(shape, camera=camera, suns=(sun,))
+    shade, _ = camera.project(np.array([[-0.75, 0, 0]]))
+    open_, _ = camera.project(np.array([[-0.75, 1.2, 0]]))
+    at = [light[int(y), int(x), 0] for x, y in (*shade, *open_)]
+    assert 0 < at[0] < 0.1 * at[1]
+
+
+@pytest.mark.parametrize("roughness", [0.2, 0.6, 1.0])
+def test_a_white_furnace_gives_back_no_more_than_it_sends(roughness):
+    """Uniform light of 1 on a white plane: its matte part 1, and 2 to 5 % mirrored beside."""
+    everywhere = Environment(np.ones((32, 64, 3), np.float32), UP, AHEAD)
+    light, _ = lit(surface((5.0, 0.0), roughness=roughness, base=1.0), environment=everywhere)
+    assert light.min() > 1.0
+    assert light.max() < 1.06
+
+
+def test_the_mirror_of_a_uniform_light_is_that_on_paper():
+    """Of the roughest mirror, looked at from straight ahead, 1 - log 2: with alpha 1 the integral
+    of D G F / (4 cos) over the hemisphere is closed.
+    """
+    scale, bias = split_sum(np.ones(1, np.float32), np.ones(1, np.float32))
+    assert scale[0] + bias[0] == pytest.approx(1 - np.log(2), abs=0.005)
+    smooth, _ = split_sum(np.ones(1, np.float32), np.zeros(1, np.float32))
+    assert smooth[0] == pytest.approx(1, abs=0.01)
+    _, grazing = split_sum(np.zeros(1, np.float32), np.zeros(1, np.float32))
+    assert grazing[0] > 0.85
+
+
+def test_an_overcast_sky_lights_level_ground_by_its_illuminance():
+    """And upright walls by less than half, as photographers know."""
+    sky = overcast(UP, AHEAD, 10_000.0)
+    light, _ = lit(surface((5.0, 0.0)), environment=sky)
+    assert np.median(light) == pytest.approx(BASE / np.pi * 10_000, rel=0.06)
+
+
+def test_a_polished_plane_mirrors_its_surroundings():
+    """The sky is red on the right and blue on the left: so is the mirror, seen from the middle."""
+    local, _ = all_directions(64, 32)
+    red = (local[..., :1] > 0) * np.array([1.0, 0, 0], np.float32)
+    blue = (local[..., :1] <= 0) * np.array([0, 0, 1.0], np.float32)
+    sky = Environment((red + blue).astype(np.float32), UP, AHEAD)
+    light, _ = lit(surface((5.0, 0.0), roughness=0.1, base=0.0), environment=sky)
+    right, left = light[18, 40], light[18, 8]
+    assert right[0] == pytest.approx(MIRRORED, rel=0.3)
+    assert left[2] == pytest.approx(MIRRORED, rel=0.3)
+    assert max(right[2], left[0]) < 0.01
+
+
+def test_the_sun_of_a_picture_is_a_sun():
+    """Its direction to half a degree, its light to a percent; the rest is left as it was."""
+    local, solid = all_directions(512, 256)
+    toward = np.array([0.4, 0.6, np.sqrt(1 - 0.52)])
+    disk = local @ toward > np.cos(np.radians(1.0))
+    picture = np.full((256, 512, 3), 0.3, np.float32)
+    picture[disk] += 50_000
+    power = float((solid * disk).sum() * 50_000)
+    rest, direction, light = Environment(picture, UP, AHEAD).parted()
+    right = np.cross(AHEAD, UP)
+    assert direction @ (toward[0] * right + toward[1] * UP + toward[2] * AHEAD) > 0.99996
+    assert light[1] == pytest.approx(power, rel=0.01)
+    assert np.allclose(rest.radiance, 0.3)
+    assert Environment(np.full((32, 64, 3), 0.3, np.float32), UP, AHEAD).parted()[1] is None
+
+
+@pytest.mark.parametrize("tone", TONES)
+def test_curves_keep_the_order_of_light(tone):
+    ramp = np.linspace(0, 12, 400)
+    shown = TONES[tone](ramp)
+    assert abs(shown[0]) < 1e-6
+    assert (np.diff(shown) > 0).all()
+
+
+def test_exposure():
+    """EV 15 shows 36 000 cd/m2, a sunlit white, just below white; a meter finds the mean."""
+    assert 36_000 * exposure_of_ev(15) == pytest.approx(0.92, abs=0.01)
+    gray = np.dstack([np.full((4, 4, 3), 200.0), np.ones((4, 4))]).astype(np.float32)
+    assert 200 * metered(gray) == pytest.approx(0.18)
+    assert metered(np.zeros((4, 4, 4), np.float32)) == 1
+    shown = Development(metered(gray), "none").developed(gray)
+    assert shown[0, 0].tolist() == [118, 118, 118, 255]
+
+
+def test_environments_are_read_or_refused(tmp_path):
+    picture = np.random.default_rng(0).uniform(0.1, 90, (16, 32, 3)).astype(np.float32)
+    assert cv2.imwrite(str(tmp_path / "sky.hdr"), picture[..., ::-1])
+    assert np.allclose(read_environment(tmp_path / "sky.hdr"), picture, rtol=0, atol=0.5)
+    cv2.imwrite(str(tmp_path / "square.hdr"), picture[:, :16])
+    (tmp_path / "broken.hdr").write_bytes((tmp_path / "sky.hdr").read_bytes()[:60])
+    for name in ("square.hdr", "broken.hdr", "none.hdr"):
+        with pytest.raises(InputError, match=name):
+            read_environment(tmp_path / name)
+
+
+def test_without_a_recovered_surface_it_says_what_to_do(project_folder, capsys):
+    assert main(["relight", str(project_folder)]) == 2
+    assert "run `texproj appearance" in capsys.readouterr().err
+    for wrong in (["--sun", "85"], ["--sun", "x,1"], ["--lamp", "1,2"], ["--lamp", "1,2,0"],
+                  ["--ev", "99"], ["--photo", "a", "--film", "gif"]):  # fmt: skip
+        assert main(["relight", str(project_folder), *wrong]) == 2
