@@ -124,10 +124,10 @@ def agreement_line(label: str, case: Case, quality: Mapping) -> str:
         float(offsets_px(common.camera(a), b, xyz).mean())
         for a, b, xyz in zip(mine, true, seen, strict=True)
     ]
-    told = quality["agreement"]["expected_px"]
+    told, ties = (quality["agreement"][k] for k in ("expected_px", "tie_residual_working_px"))
     return (
         f"{label:>26} {'agreement':>10} {len(names):6d}  true {np.median(left):.3f} px, told "
-        f"{told:.3f} px, true / told {np.median(left) / told:.2f}"
+        f"{told:.3f} px, true / told {np.median(left) / told:.2f}; ties {ties:.3f} working px"
     )
 
 

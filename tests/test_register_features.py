@@ -8,7 +8,8 @@ from scenes import exposure_round, synthetic_pair
 
 from texproj.errors import RegistrationError
 from texproj.options import RenderOptions
-from texproj.register.features import Known, pairs_with, register_pairs
+from texproj.photo import Correspondences
+from texproj.register.features import Known, inherited_error, pairs_with, register_pairs
 from texproj.render import open_renderer
 from texproj.solve.features import Features, find_features, match_features
 
@@ -16,7 +17,8 @@ from texproj.solve.features import Features, find_features, match_features
 def registered(info, features, known, prior):
     """The camera of a photo from what it shares with the known ones."""
     found = [pairs_with(features, other) for other in known]
-    return register_pairs(info, found, [other.expected_error_px for other in known], prior)
+    errors = [other.expected_error_px for other in known]
+    return register_pairs(info, found, inherited_error(found, errors, [False] * len(found)), prior)
 
 
 @pytest.fixture(scope="module")
@@ -54,6 +56,16 @@ def test_a_photo_of_something_else_is_refused(known):
         fit = registered(foreign.info, find_features(foreign.gray()), others, None)
         if not fit.accepted:
             raise RegistrationError(fit.reason)
+
+
+def test_errors_of_picks_average_out_and_those_that_all_share_do_not():
+    """Each photo counts by how much is shared with it."""
+    ten, none = Correspondences(np.zeros((10, 2)), np.zeros((10, 3))), Correspondences([], [])
+    four, px = [ten] * 4, [2.0] * 4
+
+    assert inherited_error(four, px, [True] * 4) == pytest.approx(1.0)
+    assert inherited_error(four, px, [False] * 4) == pytest.approx(2.0)
+    assert inherited_error([ten, none], [1.0, 9.0], [True, False]) == pytest.approx(1.0)
 
 
 def test_features_are_where_they_are():

@@ -45,15 +45,15 @@ class Known:
 def register_pairs(
     info: PhotoInfo,
     found: Sequence[Correspondences],
-    errors_px: Sequence[float],
+    inherited_px: float,
     prior: Intrinsics | None,
     options: PointsOptions | None = None,
     surface: Doubles | None = None,
 ) -> Fit:
-    """The camera of a photo from what it shares with each of some registered photos, and the
-    expected errors of their own registration, pixels.
+    """The camera of a photo from what it shares with each of some registered photos.
 
-    prior, options, surface: as for picked points. Raises RegistrationError.
+    inherited_px: what the errors of these make it be off, see `inherited_error`. prior, options,
+    surface: as for picked points. Raises RegistrationError.
     """
     pairs = _some(found)
     if len(pairs) < LEAST_INLIERS:
@@ -68,7 +68,7 @@ def register_pairs(
             f"the {len(pairs)} points found in registered photos do not agree on one camera; "
             "pick 8 points"
         ) from None
-    return _judged(fit, errors_px)
+    return _judged(fit, inherited_px)
 
 
 def pairs_with(features: Features, other: Known) -> Correspondences:
@@ -87,10 +87,23 @@ def _some(found: Sequence[Correspondences]) -> Correspondences:
     return Correspondences(xy[chosen], xyz[chosen])
 
 
-def _judged(fit: Fit, errors_px: Sequence[float]) -> Fit:
+def inherited_error(
+    found: Sequence[Correspondences], errors_px: Sequence[float], apart: Sequence[bool]
+) -> float:
+    """How far off, pixels, what is found through registered photos is by their expected errors.
+
+    found: what is shared with each; apart: of each, whether its error is its own, as of picks;
+    those of the others are taken to be one error that all share.
+    """
+    share = np.array([len(pairs) for pairs in found], np.float64)
+    parts = share / max(share.sum(), 1.0) * np.array(errors_px)
+    own = np.array(apart, bool)
+    return float(np.hypot(parts[~own].sum(), np.linalg.norm(parts[own])))
+
+
+def _judged(fit: Fit, inherited: float) -> Fit:
     """The fit with the others' errors in its own, and the verdict."""
     inliers, share = int(fit.inliers.sum()), float(fit.inliers.mean())
-    inherited = float(np.sqrt(np.mean(np.square(errors_px))))
     accepted = inliers >= LEAST_INLIERS and share >= LEAST_SHARE
     reason = "" if accepted else (
         f"only {inliers} of {len(fit.inliers)} points found in registered photos agree; "

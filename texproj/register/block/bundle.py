@@ -49,7 +49,7 @@ LEAST_SIGMA = 2e-4
 """No scan is known better, sizes of the block."""
 LEAST_ON_SURFACE = 50
 """Points on the mesh with fewer of which nothing is concluded."""
-PLANES_SHARE, TRACKS_SHARE = 20.0, 4.0
+PLANES_SHARE, TRACKS_SHARE = 20.0, 2.0
 """How many points share an error of the scan's shape, and how many sightings one of the features:
 so much less each counts, the second in the deviations only."""
 DOUBT = 3.0

@@ -16,8 +16,8 @@ from texproj.register.block.scan_samples import ScanSamples
 
 OF_A_CAMERA = 24
 """Points that stand for a camera: enough to be spread over its picture."""
-STRUCTURE_SHARE = 0.5
-"""A place by the mesh's structure is half as far off as what it counts by, so that the points on
+STRUCTURE_SHARE = 0.4
+"""A place by the mesh's structure is less far off than what it counts by, so that the points on
 the mesh lead, which know no light: of two scenes, with whole, cut and noisy meshes."""
 NEARBY = 0.02
 """Distance, sizes of the mesh, within which a point of the block lies on it."""

@@ -10,32 +10,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from scipy import stats
 
 from texproj.arrays import Bools, Doubles, Index
-from texproj.register.joint.ties import (
-    PATCH_PX,
-    RIM_PX,
-    corner_grid,
-    gradient_field,
+from texproj.register.proof.through_mesh import (
+    CLOSE_PX,
+    LEAST_PATCHES,
+    RADIUS_PX,
+    Lookup,
+    shown,
 )
-from texproj.register.proof.texture import textured
-from texproj.register.proof.through_mesh import Lookup, thinned, warped
-from texproj.solve.matching import match_patches
-from texproj.solve.orientation import Field
+from texproj.solve.matching import PatchMatches
 
 WORKING_PX = 512
 """Longer side of the reduced photos: all lengths here are for this size."""
-RADIUS_PX = 8
-"""How far a patch is sought: cameras before refinement are off by up to .5 % each."""
-TOGETHER_PX = 2.0
+TOGETHER_PX = CLOSE_PX
 """Patches displaced alike within this distance agree."""
 ASIDE_PX = 3 * RADIUS_PX
 """How far off patches are sought for what chance does."""
-MOST_PATCHES, LEAST_PATCHES = 160, 25
-"""Of a pair, spread evenly; and with fewer a pair says nothing."""
 LEAST_CHANCE = 0.08
 """No smaller share is taken for chance: that of the largest group of vectors in the window."""
 AGREE, ODDS = 0.25, 1e-5
@@ -86,30 +79,24 @@ class Agreement:
 
 def agreement(i: int, j: int, views: Lookup) -> Agreement:
     """Photo j warped into photo i, patch by patch."""
-    here, other = views[i], views[j]
-    there, shared = warped(here, other)
-    kernel = np.ones((2 * RIM_PX + 1,) * 2, np.uint8)
-    seen = (shared & textured(here.gray)).astype(np.uint8)
-    solid = cv2.erode(seen, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0) > 0
-    centers = thinned(corner_grid(here.corners, solid), MOST_PATCHES)
-    template = gradient_field(there)
-    sought, together, apart = _together(template, here.gradients, centers)
-    aside, left = _aside(solid, centers)
-    others, by_chance, _ = _together(template, np.roll(here.gradients, aside, axis=(1, 0)), left)
-    chance = max(LEAST_CHANCE, by_chance / others if others >= LEAST_PATCHES else 0.0)
-    return Agreement(sought, together, chance, apart)
+    here = views[i]
+    there = shown(here, views[j], to_the_rim=False)
+    together, apart = _together(there.found_in(here.gradients))
+    aside, left = _aside(there.solid, there.centers)
+    by_chance, _ = _together(there.found_in(np.roll(here.gradients, aside, axis=(1, 0)), left))
+    chance = max(LEAST_CHANCE, by_chance / len(left) if len(left) >= LEAST_PATCHES else 0.0)
+    return Agreement(len(there.centers), together, chance, apart)
 
 
-def _together(template: Field, image: Field, centers: Index) -> tuple[int, int, float]:
-    """How many patches there are, how many of them are displaced alike, and by how much."""
-    found = match_patches(template, image, centers, PATCH_PX, RADIUS_PX)
+def _together(found: PatchMatches) -> tuple[int, float]:
+    """How many patches are displaced alike, and by how much."""
     shift = found.target_px - found.source_px
     if not len(shift):
-        return len(centers), 0, 0.0
+        return 0, 0.0
     near = _near(shift)
     best = int(near.sum(axis=1).argmax())
     apart = float(np.linalg.norm(np.median(shift[near[best]], axis=0)))
-    return len(centers), int(near[best].sum()), apart
+    return int(near[best].sum()), apart
 
 
 def _near(shift: Doubles) -> Bools:

@@ -10,28 +10,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from texproj.arrays import Doubles
-from texproj.register.joint.ties import (
-    LEAST_SCORE,
-    PATCH_PX,
-    RIM_PX,
-    corner_grid,
-    gradient_field,
-)
-from texproj.register.proof.texture import textured
-from texproj.register.proof.through_mesh import Lookup, thinned, warped
-from texproj.solve.matching import match_patches
+from texproj.register.joint.ties import LEAST_SCORE
+from texproj.register.proof.through_mesh import CLOSE_PX, LEAST_PATCHES, Lookup, shown
 
-RADIUS_PX = 8
-PLACED_PX = 2.0
+PLACED_PX = CLOSE_PX
 """A patch is in place if found this close, working pixels."""
-MOST_PATCHES = 160
-"""Of each pair, spread evenly: enough to tell any share to some percent."""
-LEAST_PATCHES = 25
-"""Patches below which a pair says nothing."""
 AGREE, NOTHING = 0.3, 0.12
 """Share of the patches in place from which on a pair agrees, and up to which it does not: chance
 gives 0.06."""
@@ -75,12 +61,9 @@ class PairAgreement:
 
 def compare_pair(i: int, j: int, views: Lookup) -> PairAgreement:
     """Photo j warped into photo i, patch by patch."""
-    here, other = views[i], views[j]
-    there, shared = warped(here, other)
-    kernel = np.ones((2 * RIM_PX + 1,) * 2, np.uint8)
-    solid = cv2.erode((shared & textured(here.gray)).astype(np.uint8), kernel) > 0
-    centers = thinned(corner_grid(here.corners, solid), MOST_PATCHES)
-    found = match_patches(gradient_field(there), here.gradients, centers, PATCH_PX, RADIUS_PX)
+    here = views[i]
+    there = shown(here, views[j], to_the_rim=True)
+    found = there.found_in(here.gradients)
     offset = np.linalg.norm(found.target_px - found.source_px, axis=1)
     placed = np.unique(found.patch[offset < PLACED_PX])
-    return PairAgreement(len(centers), len(placed), offset[found.score >= LEAST_SCORE])
+    return PairAgreement(len(there.centers), len(placed), offset[found.score >= LEAST_SCORE])

@@ -15,12 +15,28 @@ from texproj.camera import Camera, Intrinsics
 from texproj.opencv import FAR_OUTSIDE
 from texproj.photo import Photo
 from texproj.register.joint.session import Cameras, Kept, LoadPhoto
-from texproj.register.joint.ties import DEPTH_TOLERANCE, PATCH_PX, gradient_field
+from texproj.register.joint.ties import (
+    DEPTH_TOLERANCE,
+    PATCH_PX,
+    RIM_PX,
+    corner_grid,
+    gradient_field,
+)
+from texproj.register.proof.texture import textured
 from texproj.render import GBuffer, Render, ideal_grid
+from texproj.solve.matching import PatchMatches, match_patches
 from texproj.solve.orientation import DARK, Field
 
 KEPT_PHOTOS, KEPT_VIEWS = 48, 8
 """How many reduced photos, and how many of them with their renderings, stay in memory."""
+RADIUS_PX = 8
+"""How far a patch is sought, working pixels: cameras before refinement are off by up to .5 % each.
+"""
+CLOSE_PX = 2.0
+"""Places closer than this are one."""
+MOST_PATCHES, LEAST_PATCHES = 160, 25
+"""Of a pair, spread evenly: enough to tell any share to some percent; and with fewer a pair says
+nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +133,37 @@ def _pixels(k: Intrinsics, xyz_in_cam: NDArray[np.float32]) -> NDArray[np.float3
     return np.where(seen, at, FAR_OUTSIDE).astype(np.float32)
 
 
-def thinned(centers: Index, most: int) -> Index:
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """What one photo shows of the surface that another sees, in the picture of the other. field:
+    (h, w) its gradients; solid: (h, w) where both see all of a patch and there is something to be
+    found; centers: (n, 2) of the patches that are sought.
+    """
+
+    field: Field
+    solid: NDArray[np.bool_]
+    centers: Index
+
+    def found_in(self, image: Field, centers: Index | None = None) -> PatchMatches:
+        """The patches, or those around other (n, 2) centers, where they are in (h, w) gradients."""
+        centers = self.centers if centers is None else centers
+        return match_patches(self.field, image, centers, PATCH_PX, RADIUS_PX)
+
+
+def shown(here: PhotoView, other: PhotoView, to_the_rim: bool) -> Shown:
+    """What `other` shows in the picture of `here`, to the rim of that, or as far as whole patches
+    reach.
+    """
+    there, shared = warped(here, other)
+    kernel = np.ones((2 * RIM_PX + 1,) * 2, np.uint8)
+    seen = (shared & textured(here.gray)).astype(np.uint8)
+    beyond = 1 if to_the_rim else 0
+    solid = cv2.erode(seen, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=beyond) > 0
+    centers = _thinned(corner_grid(here.corners, solid), MOST_PATCHES)
+    return Shown(gradient_field(there), solid, centers)
+
+
+def _thinned(centers: Index, most: int) -> Index:
     """At most so many of (n, 2) patches, spread evenly over their order."""
     keep = np.linspace(0, len(centers) - 1, min(most, len(centers))).round().astype(int)
     return centers[keep]
