@@ -89,10 +89,10 @@ def reflected(kind: np.ndarray, base: np.ndarray, wi, wo) -> np.ndarray:
     return out
 
 
-def lump(photos: int = 16, seed: int = 0, lamp: np.ndarray = LAMP) -> Lump:
+def lump(photos: int = 16, seed: int = 0, subdivisions: int = 5) -> Lump:
     """One set."""
     rng = np.random.default_rng(seed)
-    mesh = lump_mesh()
+    mesh = lump_mesh(subdivisions)
     caster = RayCaster(mesh.vertices, mesh.faces)
     output = rng.uniform(0.85, 1.15, photos)
     cameras, pictures = [], []
@@ -106,7 +106,7 @@ def lump(photos: int = 16, seed: int = 0, lamp: np.ndarray = LAMP) -> Lump:
         k = Intrinsics(*SIZE, f, f, SIZE[0] / 2, SIZE[1] / 2)
         camera = Camera(k, Pose.look_at(DISTANCE * toward, [0, 0, 0]))
         cameras.append(camera)
-        light = taken(mesh, caster, camera, lamp) * output[number]
+        light = taken(mesh, caster, camera, LAMP) * output[number]
         light += np.sqrt(np.maximum(light, 0) / 15000 + 0.0015**2) * rng.standard_normal(
             light.shape
         )

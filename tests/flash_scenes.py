@@ -17,16 +17,15 @@ from appearance_scenes import (
     FIELD_DEG,
     SIZE,
     VARIANT,
-    all_around,
     developed,
     sensor,
 )
 
 from texproj.arrays import Doubles, Floats
-from texproj.camera import Camera
+from texproj.camera import Camera, Intrinsics, Pose
 from texproj.demo.noise import noise
 from texproj.demo.object import carved, piece, scanned
-from texproj.mesh import Mesh, vertex_normals
+from texproj.mesh import Mesh, face_areas, vertex_normals
 
 LAMP = (0.09, -0.11, 0.02)
 """Where the flash is, metres right of the lens, below and in front of it: 4 degrees apart."""
@@ -71,11 +70,18 @@ class Truth:
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """A photo that is not in the set: camera, lamp (3,) in the world, radiance without noise."""
+    """A photo that is not in the set. lamp: (3,) in the world, of an intensity; radiance: without
+    noise; shown: (h, w) where it shows the piece.
+    """
 
     camera: Camera
     lamp: Doubles
+    intensity: float
     radiance: Floats
+
+    @property
+    def shown(self) -> np.ndarray:
+        return self.radiance.max(axis=2) > 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,12 +120,12 @@ def flash_set(
     rng = np.random.default_rng(seed)
     output = rng.uniform(1 - OUTPUT, 1 + OUTPUT, photos)
     cameras, pictures = {}, {}
-    for number, camera in enumerate(all_around(scan, photos, seed)):
+    for number, camera in enumerate(all_over(scan, photos, seed)):
         name = f"IMG_{number:03d}.png"
         lamp = camera.pose.inverse.apply([LAMP])[0]
         radiance = room.taken(camera, lamp, intensity * output[number], samples, number)
         cameras[name], pictures[name] = camera, developed(radiance, seed * 100 + number)
-    others = all_around(scan, 6, seed + 50)
+    others = all_over(scan, 6, seed + 50)
     flash, lamp = [], []
     for number, camera in enumerate(others):
         beside = camera.pose.inverse.apply([LAMP])[0]
@@ -127,9 +133,28 @@ def flash_set(
         elsewhere = scan.center + 0.6 * (elsewhere - scan.center) + 0.4 * (beside - scan.center)
         for shots, at in ((flash, beside), (lamp, elsewhere)):
             power = intensity * (np.linalg.norm(at - scan.center) / DISTANCE / scan.diagonal) ** 2
-            shots.append(Shot(camera, at, room.taken(camera, at, power, 4 * samples, 900 + number)))
+            radiance = room.taken(camera, at, power, 4 * samples, 900 + number)
+            shots.append(Shot(camera, at, power, radiance))
     truth = as_pixels_show(scan, materials, seed)
     return FlashSet(scan, cameras, pictures, output, intensity, truth, flash, lamp)
+
+
+def all_over(mesh: Mesh, photos: int, seed: int) -> list[Camera]:
+    """Cameras all around and above, some from below: highlights are seen where a photo looks
+    straight on.
+    """
+    rng = np.random.default_rng(seed)
+    w, h = SIZE
+    f = w / 2 / np.tan(np.radians(FIELD_DEG) / 2)
+    out = []
+    for k in range(photos):
+        height = 0.97 - 1.3 * (k + 0.5) / photos
+        azimuth = k * np.pi * (3 - np.sqrt(5)) + rng.uniform(-0.2, 0.2)
+        across = np.sqrt(1 - height**2)
+        toward = np.array([across * np.cos(azimuth), across * np.sin(azimuth), height])
+        pose = Pose.look_at(mesh.center + toward * mesh.diagonal * DISTANCE, mesh.center)
+        out.append(Camera(Intrinsics(w, h, f, f, w / 2, h / 2), pose))
+    return out
 
 
 def truth_at(xyz: Any, materials: str, seed: int) -> Truth:
@@ -161,8 +186,12 @@ def waves(xyz: Floats, length: float, seed: int) -> Floats:
 
 
 def as_pixels_show(mesh: Mesh, materials: str, seed: int) -> Truth:
-    """The truth of the scan's vertices, base colors averaged over what a pixel shows."""
-    width = DISTANCE * mesh.diagonal * 2 * np.tan(np.radians(FIELD_DEG) / 2) / SIZE[0]
+    """The truth of the scan's vertices, base colors averaged over what a pixel shows, of the
+    level of the photo whose pixels are as large as a vertex is wide.
+    """
+    pixel = DISTANCE * mesh.diagonal * 2 * np.tan(np.radians(FIELD_DEG) / 2) / SIZE[0]
+    spacing = np.sqrt(face_areas(mesh).sum() / len(mesh.vertices))
+    width = pixel * 2 ** max(0, np.round(np.log2(spacing / pixel)))
     rng = np.random.default_rng(1)
     here = truth_at(mesh.vertices, materials, seed)
     total, count = np.zeros(mesh.vertices.shape), np.zeros(len(mesh.vertices))
@@ -179,7 +208,7 @@ def as_pixels_show(mesh: Mesh, materials: str, seed: int) -> Truth:
 class DarkRoom:
     """A piece and one point of light, by Mitsuba."""
 
-    def __init__(self, mesh: Mesh, truth: Truth) -> None:
+    def __init__(self, mesh: Mesh, truth: Truth, specular: float = 0.5) -> None:
         import mitsuba as mi
 
         mi.set_variant(VARIANT)
@@ -187,7 +216,7 @@ class DarkRoom:
         self._scene = mi.load_dict({
             "type": "scene",
             "integrator": {"type": "path", "max_depth": DEPTH},
-            "piece": _shape(mi, mesh, truth),
+            "piece": _shape(mi, mesh, truth, specular),
             "lamp": {"type": "point", "position": [0, 0, 0], "intensity": 1.0},
         })  # fmt: skip
         self._parameters = mi.traverse(self._scene)
@@ -200,10 +229,10 @@ class DarkRoom:
         parameters["lamp.position"] = [float(x) for x in lamp]
         parameters.update()
         made = mi.render(self._scene, sensor=sensor(mi, camera, samples), spp=samples, seed=seed)
-        return np.array(made)[..., :3] * np.float32(intensity)
+        return np.nan_to_num(np.array(made)[..., :3]) * np.float32(intensity)
 
 
-def _shape(mi: Any, mesh: Mesh, truth: Truth) -> Any:
+def _shape(mi: Any, mesh: Mesh, truth: Truth, specular: float) -> Any:
     properties = mi.Properties()
 
     def attribute(name: str) -> dict[str, str]:
@@ -212,7 +241,7 @@ def _shape(mi: Any, mesh: Mesh, truth: Truth) -> Any:
     properties["bsdf"] = mi.load_dict({
         "type": "twosided",
         "inner": {
-            "type": "principled", "specular": 0.5,
+            "type": "principled", "specular": specular,
             "base_color": attribute("color"), "roughness": attribute("roughness"),
             "metallic": attribute("metallic"),
         },

@@ -97,11 +97,14 @@ def test_photos_held_out_are_predicted():
 
 
 def test_glossy_paint_tells_how_strong_the_flash_is():
-    """Its mirror is 4 %, so that colors are reflectances."""
+    """Its mirror is 4 %: within a half here, where its highlight is broader than what is fitted. So
+    colors are not called reflectances; without gloss the error would be as likely twofold.
+    """
     surface = found(None)[1]
 
-    assert surface.absolute
-    assert surface.light.found.lamp.intensity == pytest.approx(INTENSITY, rel=0.2)
+    assert surface.light.found.glossy
+    assert not surface.absolute
+    assert 1 / 1.5 < surface.light.found.lamp.intensity / INTENSITY < 1.5
 
 
 def test_photos_without_a_flash_are_refused():
@@ -148,7 +151,7 @@ def one_point(material, color, count=12, seed=0):
     nl, nv, nh = (rng.uniform(low, 1, count).astype(np.float32) for low in (0.4, 0.4, 0.8))
     angles = Angles(nl, nv, nh, np.full(count, 0.999, np.float32))
     light = rng.uniform(0.5, 1.5, count).astype(np.float32)
-    slope, offset = linear_terms(material.roughness, material.metal, material.f0, angles)
+    slope, offset = linear_terms(material.values, angles)
     rgb = (light * slope)[:, None] * np.float32(color) + (light * offset)[:, None]
     none = np.zeros((count, 3), np.float32)
     return Observations(
@@ -240,7 +243,11 @@ def test_the_command_writes_gloss_and_metals(flash_project, capsys):
     assert "map_Pr roughness_0.png" in mtl
     assert "map_Pm metallic_0.png" in mtl
     assert main(["appearance", str(flash_project), "--to", "texture"]) == 0
-    assert "fresh, kept" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "fresh, kept" in said
+    assert "saw its highlight" in said
+    assert main(["report", str(flash_project)]) == 0
+    assert "saw its highlight" in (out / "report.html").read_text()
 
 
 def test_a_flash_of_unknown_place_is_refused(flash_project, tmp_path, capsys):

@@ -10,7 +10,7 @@ from texproj.appearance.light.color_temperature import (
     rgb_of_kelvin,
     rgb_of_xy,
 )
-from texproj.appearance.light.exposure import (
+from texproj.appearance.light.exposure_value import (
     brightest_luminance,
     ev_of_illuminance,
     ev_of_luminance,
@@ -18,7 +18,7 @@ from texproj.appearance.light.exposure import (
     illuminance_of_ev,
     luminance_of_ev,
 )
-from texproj.appearance.light.ies import ies_of_text, read_ies
+from texproj.appearance.light.ies import ies_of_text
 from texproj.appearance.light.sources import (
     Directional,
     Environment,
@@ -224,10 +224,3 @@ def test_a_broken_ies_file_ends_in_one_sentence(old, new, said):
     assert old in LAMP
     with pytest.raises(InputError, match=said):
         ies_of_text(LAMP.replace(old, new), "lamp.ies")
-
-
-def test_a_file_that_is_not_there(tmp_path):
-    with pytest.raises(InputError, match="cannot be read"):
-        read_ies(tmp_path / "none.ies")
-    (tmp_path / "lamp.ies").write_text(LAMP)
-    assert len(read_ies(tmp_path / "lamp.ies").vertical) == 3

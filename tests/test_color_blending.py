@@ -1,12 +1,16 @@
 """Ways to make one color of many, on samples whose answer is known on paper."""
 
+from contextlib import closing
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from color_scenes import camera, picture, plane
 from photo_sets import photo_set
 
 from texproj.color.blending.bands import restored
-from texproj.color.blending.combine import blend
+from texproj.color.blending.combine import USUAL_PREFERENCE, blend
+from texproj.color.blending.preference import decided
 from texproj.color.sampling.light_around import AROUND_ONE, light_around, soft_light
 from texproj.color.sampling.prepare import photo_view
 from texproj.color.sampling.sample import Samples
@@ -175,3 +179,34 @@ def test_every_mode_colors_a_plane(mode):
     sure = result.photo_count > 1
     assert sure.mean() > 0.8
     assert np.abs(result.rgb - truth)[sure].max() < 0.006
+
+
+def stored(noise, weights, scratch, points=6000):
+    """Samples of a random pattern by photos of such noise and weights, in one chunk."""
+    rng, count = np.random.default_rng(3), len(noise)
+    truth = 0.25 * (1 + 0.4 * rng.standard_normal(points)).clip(0.1, 2)
+    store = SampleStore([points], scratch)
+    for number in range(count):
+        light = (truth * (1 + noise[number] * rng.standard_normal(points))).clip(0, 1)
+        packed = np.repeat(light[:, None], 4, axis=1) * 65535
+        packed[:, 3] = weights[number] * 65535
+        around = np.full(points, AROUND_ONE, np.uint16)
+        store.add(number, 0, Samples(np.ones(points, bool), packed.astype(np.uint16), around))
+    return store, SimpleNamespace(sizes=[points])
+
+
+@pytest.mark.parametrize(
+    ("noise", "wanted"), [((0.02, 0.3, 0.3, 0.3, 0.3), 0.85), ((0.15,) * 5, 0.1)]
+)
+def test_the_photos_decide_how_much_the_best_is_preferred(noise, wanted):
+    """Where photos of little weight are bad, much; where all are as good, hardly. What is set by
+    hand stays; of too few points nothing follows.
+    """
+    with closing(Scratch()) as scratch:
+        store, points = stored(noise, (1, 0.1, 0.1, 0.1, 0.1), scratch)
+        ask = (store, points, np.ones((5, 3)), [None] * 5)
+        assert decided(*ask, ColorOptions()).preference == wanted
+        assert decided(*ask, ColorOptions(preference=0.7)).preference == 0.7
+        few, points = stored(noise, (1, 0.1, 0.1, 0.1, 0.1), scratch, points=50)
+        ask = (few, points, np.ones((5, 3)), [None] * 5)
+        assert decided(*ask, ColorOptions()).preference == USUAL_PREFERENCE

@@ -139,7 +139,7 @@ def test_a_photo_on_its_side_and_a_mirrored_one_keep_their_lens():
 def test_depth_of_a_plane_is_that_of_the_rays(kind):
     """At every pixel inside the domain, from 75 degrees off the axis on one side to the other."""
     camera = Camera(lens(BENT), Pose.look_at((0.1, 0.2, 1.0), (0.1, 0.2, 0), (0, 1, 0)))
-    wall = plane(cells=6, half=5)
+    wall = plane(cells=6, half=4)
     with open_renderer(RenderOptions(renderer=kind)) as renderer, renderer.load(wall) as scene:
         seen = scene.gbuffer(camera, ("depth", "face"))
     depth, face = seen.require("depth"), seen.require("face")
@@ -183,12 +183,12 @@ def test_colors_through_a_fisheye_are_those_through_a_pinhole():
     """Three of each, fisheyes near the plane, so that it spans 65 degrees to all sides: within 1
     CIEDE2000 of each other, at most places and at the worst hundredth, and both of the truth.
     """
-    mesh = plane(cells=110, half=1.6)
+    mesh = plane(cells=90, half=1.6)
     spots = ((0.1, 0.0), (-0.3, 0.2), (0.25, -0.3))
     near = [Pose.look_at((x, y, 0.9), (x + 0.1, y, 0), (0, 1, 0)) for x, y in spots]
     far = [Pose.look_at((x, y, 3.5), (x, y, 0), (0, 1, 0)) for x, y in spots]
-    round_ = colors(mesh, [Camera(lens(RADIAL, (600, 600), 220.0), pose) for pose in near])
-    flat = Intrinsics(500, 500, 443.0, 443.0, 250.0, 250.0)
+    round_ = colors(mesh, [Camera(lens(RADIAL, (440, 440), 161.0), pose) for pose in near])
+    flat = Intrinsics(380, 380, 337.0, 337.0, 190.0, 190.0)
     straight = colors(mesh, [Camera(flat, pose) for pose in far])
     assert (round_.weight > 0).mean() > 0.99
     both = (round_.weight > 0) & (straight.weight > 0)

@@ -391,6 +391,14 @@ def test_color_keeps_the_layout_and_fills_from_the_old_texture(project, capsys):
     assert "tex/back.png changed" in capsys.readouterr().out
 
 
+def test_a_model_of_fewer_faces_alone_keeps_no_layout(project, capsys):
+    settings(project, '[output]\nmodels = ["obj"]\nfaces = [100]\n')
+    assert main(["color", str(project)]) == 0
+    said = capsys.readouterr().out
+    assert "its layout is its own" in said
+    assert "are kept" not in said
+
+
 def test_color_writes_fewer_faces_and_the_whole(project):
     """Levels by the command, each with files of its own."""
     settings(project, '[output]\nmodels = ["obj"]\nfaces = [100, 1000]\n')

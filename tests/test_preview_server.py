@@ -181,7 +181,7 @@ def test_what_is_made_can_be_downloaded(own, tmp_path):
 
 
 def test_base_colors_are_those_of_the_appearance(own):
-    """Where no photo looks, there are none."""
+    """Where no photo looks, there are none; and so are the numbers of the material."""
     root, page = own
     assert page.get("/api/colors/base").status_code == 422
     source = Project.open(root).load_mesh()
@@ -191,13 +191,17 @@ def test_base_colors_are_those_of_the_appearance(own):
     (root / "out").mkdir()
     write_ply(
         root / "out/appearance.ply", source.source_vertices, source.source_faces, rgb, None, (),
-        {"confidence": known},
+        {"confidence": known, "roughness": known * rgb[:, 0] / 255},
     )  # fmt: skip
     rgba = unpacked(page.get("/api/colors/base").content, "rgba")
     kept = source.vertex_of_source >= 0
 
     np.testing.assert_array_equal(rgba[source.vertex_of_source[kept], :3], rgb[kept])
     np.testing.assert_array_equal(rgba[source.vertex_of_source[kept], 3], 255 * known[kept])
+    values = unpacked(page.get("/api/layers/roughness").content, "values")
+    wanted = np.where(known > 0, rgb[:, 0] / 255, -1)
+    np.testing.assert_allclose(values[source.vertex_of_source[kept]], wanted[kept], atol=1e-6)
+    assert page.get("/api/layers/metallic").status_code == 422
 
 
 def test_a_ray_meets_the_surface_exactly(page):

@@ -19,6 +19,7 @@ MODULES = {
     "telling": ("status", "preview"),
     "machine": ("doctor",),
     "inspecting": ("factors", "turntable"),
+    "calibrating": ("calibrate_flash",),
     "relighting": ("relight",),
     "exchange": ("import_", "export"),
 }
@@ -26,4 +27,4 @@ MODULES = {
 
 for module, names in MODULES.items():
     for name in names:
-        app.command(f"texproj.cli.{module}:{name}", name=name.strip("_"))
+        app.command(f"texproj.cli.{module}:{name}", name=name.strip("_").replace("_", "-"))

@@ -26,6 +26,7 @@ from texproj.color.balance.focus import solve_photos
 from texproj.color.balance.photometry import Photometry
 from texproj.color.balance.shared_points import PointObserver
 from texproj.color.blending.combine import blend_chunk
+from texproj.color.blending.preference import decided
 from texproj.color.checker.apply import absolute_matrix, in_absolute
 from texproj.color.checker.fit import Checker
 from texproj.color.filling.gutters import fill_page
@@ -94,12 +95,15 @@ def color_texture(
         light, focus = solve_photos(shared, options)
         absolute, charted = absolute_matrix(checker, names, shared, light)
         samples, cameras = projected.samples, photos.cameras
-        pages, counts, share = bake(points, atlas, samples, cameras, light, absolute, options)
+        gains, grids = gains_of(light.corrections), grids_of(cameras, light.corrections)
+        chosen = decided(samples, points, gains, grids, options)
+        pages, counts, share = bake(points, atlas, samples, cameras, light, absolute, chosen)
         fill_unseen(mesh, atlas, points, pages, counts)
         for number, page in enumerate(pages):
             fill_page(page, points.inside(number, page.shape))
     failed = reasons(failures(found), projected.failed)
     quality = coverage(counts, sum(points.sizes)) | charted | per_alignment(names, found)
+    quality |= {"preference": chosen.preference}
     quality |= {"photos": per_photo(names, light, focus, share, failed)}
     quality |= {"lenses": per_lens(names, light), "atlas": asdict(atlas.stats)}
     notes = (note,) if note else ()

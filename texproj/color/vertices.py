@@ -11,6 +11,7 @@ from texproj.color.balance.corrections import gains_of, grids_of
 from texproj.color.balance.focus import solve_photos
 from texproj.color.balance.shared_points import PointObserver
 from texproj.color.blending.combine import blend_chunk
+from texproj.color.blending.preference import decided
 from texproj.color.checker.apply import absolute_matrix, in_absolute
 from texproj.color.checker.fit import Checker
 from texproj.color.filling.vertices import fill_vertices
@@ -59,6 +60,7 @@ def color_vertices(
         light, focus = solve_photos(shared, options)
         gains, grids = gains_of(light.corrections), grids_of(photos.cameras, light.corrections)
         absolute, charted = absolute_matrix(checker, names, shared, light)
+        options = decided(projected.samples, points, gains, grids, options)
         for chunk in range(len(points.sizes)):
             part = points.rows(chunk)
             result = blend_chunk(projected.samples, points, chunk, gains, grids, options)
@@ -67,6 +69,7 @@ def color_vertices(
             share += result.share
     failed = reasons(failures(found), projected.failed)
     quality = coverage([count], len(count)) | charted | per_alignment(names, found)
+    quality |= {"preference": options.preference}
     quality |= {"photos": per_photo(names, light, focus, share, failed)}
     quality |= {"lenses": per_lens(names, light)}
     filled = fill_vertices(mesh, np.sqrt(rgb), weight > 0) ** 2

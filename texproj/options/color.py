@@ -64,9 +64,10 @@ class ColorOptions:
     """Difference from the other photos (square root of linear light, 1 = white) at which a sample
     counts half."""
 
-    preference: Annotated[float, Field(ge=0, le=8), EXPERT] = 0.35
-    """How strongly the best of the photos that agree is preferred: the power of its weight. Not
-    used by the blend "mean", where it is 1."""
+    preference: Annotated[Annotated[float, Field(ge=0, le=8)] | Literal["auto"], EXPERT] = "auto"
+    """How strongly the best of the photos that agree is preferred: the power of its weight. "auto":
+    that with which each photo is predicted best from the others. Not used by the blend "mean",
+    where it is 1."""
 
     texels_per_pixel: Annotated[float, Field(gt=0, le=4)] = 1.0
     """Texels along a line per pixel of the photo that shows the surface best."""

@@ -25,3 +25,7 @@ class LightOptions:
     lamp: Annotated[tuple[float, float, float] | None, EXPERT] = None
     """Where the flash is, in units of the scan: right of the lens, below it, in front of it, as
     seen from behind the camera held level."""
+
+    flash: Annotated[str | None, Field(min_length=1), EXPERT] = None
+    """What `texproj calibrate-flash` wrote of the flash: a path in the project. It tells `lamp`
+    too."""

@@ -21,7 +21,13 @@ from watchfiles import awatch
 
 from texproj.errors import InputError, TexprojError, UsageError
 from texproj.preview import work
-from texproj.preview.colors import base_colors, texture_colors, vertex_colors
+from texproj.preview.colors import (
+    MATERIAL,
+    base_colors,
+    material_values,
+    texture_colors,
+    vertex_colors,
+)
 from texproj.preview.door import inside
 from texproj.preview.downloads import DownloadHandlers, downloads
 from texproj.preview.edits import EditHandlers
@@ -204,7 +210,15 @@ class Handlers:
 
     async def layer(self, request: Request) -> Response:
         name, photo = request.path_params["layer"], request.query_params.get("photo", "")
+        if name in MATERIAL:
+            return await run_in_threadpool(self.material, name)
         values = await work.layer_values(self.session, name, photo)
+        return Response(pack({"values": values}), media_type=BINARY)
+
+    def material(self, name: str) -> Response:
+        project, surface = self.session.project, self.session.surface
+        inside(project.out / "appearance.ply", self.session.root)
+        values = material_values(project, surface, name)
         return Response(pack({"values": values}), media_type=BINARY)
 
     def model(self, request: Request) -> Response:

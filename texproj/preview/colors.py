@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import trimesh
@@ -15,11 +15,15 @@ from scipy.spatial import cKDTree
 from texproj.errors import InputError
 from texproj.formats.foreign import Broken, foreign_parser
 from texproj.formats.models import scan_from_node
+from texproj.formats.models.read_values import read_values
 from texproj.photo import srgb_from_linear
 from texproj.preview.surface import Surface
 from texproj.project import Project
 
 T = TypeVar("T")
+
+MATERIAL = ("roughness", "metallic", "confidence")
+"""What appearance.ply tells of the surface beside its color."""
 
 
 def vertex_colors(project: Project, surface: Surface) -> NDArray[np.uint8]:
@@ -43,12 +47,26 @@ def base_colors(project: Project, surface: Surface) -> NDArray[np.uint8]:
     return _on_repaired(path, _read(path, lambda: _base_colors(path)), surface)
 
 
-def _on_repaired(path: Path, rgba: NDArray[np.uint8], surface: Surface) -> NDArray[np.uint8]:
-    """Colors of the vertices of the scan's file on those of the repaired mesh."""
+def material_values(project: Project, surface: Surface, name: str) -> NDArray[np.float32]:
+    """(V,) one of `MATERIAL` at each vertex of the repaired mesh, -1 where no photo looks. Raises
+    InputError as `base_colors` does.
+    """
+    path = project.out / "appearance.ply"
+    if not path.is_file():
+        raise InputError(f"no {path}; take the light out first")
+    found = read_values(path, (name, "confidence"))
+    values = np.where(found["confidence"] > 0, found[name], -1).astype(np.float32)
+    return _on_repaired(path, values[:, None], surface)[:, 0]
+
+
+def _on_repaired(path: Path, rgba: NDArray[Any], surface: Surface) -> NDArray[Any]:
+    """(V, n) what the vertices of the scan's file have on those of the repaired mesh; 0 where there
+    is none.
+    """
     source = surface.source
     if len(rgba) != len(source.source_vertices):
         raise InputError(f"{path} was made from another mesh; color it again")
-    out = np.zeros((len(source.mesh.vertices), 4), np.uint8)
+    out = np.zeros((len(source.mesh.vertices), rgba.shape[1]), rgba.dtype)
     known = source.vertex_of_source >= 0
     out[source.vertex_of_source[known]] = rgba[known]
     return out

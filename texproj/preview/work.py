@@ -25,7 +25,7 @@ from texproj.preview.picks import SavedPicks
 from texproj.preview.session import Session, stamp
 from texproj.project import Project
 from texproj.stages.bench import Workbench
-from texproj.stages.choosing import NONE_OF_THEM, choose
+from texproj.stages.choosing import NONE_OF_THEM, choose, open_question
 from texproj.stages.methods import AUTO
 from texproj.stages.progress import Cancelled, Progress
 from texproj.stages.registering import register_photos
@@ -94,7 +94,13 @@ def _solve(bench: Workbench, name: str, progress: Progress) -> str:
 def _register(bench: Workbench, progress: Progress) -> str:
     outcomes = register_photos(bench, progress=progress)
     found = sum(not outcome.failed for outcome in outcomes)
-    return f"{found} of {len(outcomes)} photos are registered."
+    return f"{found} of {len(outcomes)} photos are registered.{_question(bench)}"
+
+
+def _question(bench: Workbench) -> str:
+    """What the page asks, after what came of the work; empty if nothing."""
+    question = open_question(bench.project)
+    return f" {len(question.photos)} fit in several places: choose one below." if question else ""
 
 
 def _color(bench: Workbench, progress: Progress) -> str:
@@ -109,10 +115,10 @@ def _run(bench: Workbench, progress: Progress) -> str:
 
     outcome = run_project(bench, progress)
     if outcome.color is None:
-        return f"No model: {outcome.reason}."
+        return f"No model: {outcome.reason}.{_question(bench)}"
     used = len(outcome.photos) - len(outcome.failed)
     left = f"; not used: {', '.join(outcome.failed)}" if outcome.failed else ""
-    return f"The model is made from {used} of {len(outcome.photos)} photos{left}."
+    return f"The model is made from {used} of {len(outcome.photos)} photos{left}.{_question(bench)}"
 
 
 def _appearance(bench: Workbench, progress: Progress) -> str:

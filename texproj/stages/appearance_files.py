@@ -29,7 +29,7 @@ from texproj.formats.models import (
 )
 from texproj.mesh import ColoredMesh, Mesh, MeshSource, vertex_normals
 from texproj.photo import LUMINANCE, srgb_from_linear
-from texproj.stages.lighting import Pages
+from texproj.stages.lighting import LightKind, Pages
 from texproj.stages.writing import OutputPlan, write_texture
 
 if TYPE_CHECKING:
@@ -41,11 +41,12 @@ MODEL_GLB, MODEL_OBJ = "model.glb", "model.obj"
 
 
 def write_appearance(
-    folder: Path, source: MeshSource, appearance: Appearance, plan: OutputPlan
-) -> tuple[str, ...]:
-    """Write the vertices, the light and the materials; returns the file names."""
+    folder: Path, source: MeshSource, appearance: Appearance, plan: OutputPlan,
+    light: dict[str, Any],
+) -> tuple[str, ...]:  # fmt: skip
+    """Write the vertices, the light (`light_facts`) and the materials; returns the file names."""
     files = _write_vertices(folder, source, appearance, plan)
-    _write_json(folder / LIGHT, light_facts(appearance))
+    _write_json(folder / LIGHT, light)
     materials = material_facts(source.mesh, appearance)
     if materials is None:
         return (*files, LIGHT)
@@ -142,17 +143,20 @@ def _write_gray(stem: Path, pages: Sequence[NDArray[np.uint8]]) -> list[Path]:
     return files
 
 
-def light_facts(appearance: Appearance) -> dict[str, Any]:
-    """What light.json holds."""
+def light_facts(appearance: Appearance, kind: LightKind) -> dict[str, Any]:
+    """What light.json holds. kind: of light that was looked for."""
     verdict = appearance.verdict
     told = {
+        "kind": kind,
         "accepted": appearance.accepted,
         "reason": appearance.reason,
         "absolute": appearance.absolute,
         "verdict": verdict and {**vars(verdict), "gain_db": verdict.gain_db},
     }
     light = flash_of(appearance)
-    return told | (_sky_facts(appearance) if light is None else _flash_facts(light))
+    if kind == "flash":
+        return told | ({} if light is None else _flash_facts(light))
+    return told | _sky_facts(appearance)
 
 
 def _sky_facts(appearance: Appearance) -> dict[str, Any]:
@@ -160,9 +164,8 @@ def _sky_facts(appearance: Appearance) -> dict[str, Any]:
 
     light = appearance.light
     if not isinstance(light, NaturalLight):
-        return {"kind": "natural", "sun": None, "sun_irradiance": None, "sky": None}
+        return {"sun": None, "sun_irradiance": None, "sky": None}
     return {
-        "kind": "natural",
         "sun": None if light.to_sun is None else light.to_sun.tolist(),
         "sun_irradiance": None if light.sun is None else light.sun.tolist(),
         "sky": light.sky.tolist(),
@@ -172,9 +175,15 @@ def _sky_facts(appearance: Appearance) -> dict[str, Any]:
 def _flash_facts(light: FlashLight) -> dict[str, Any]:
     lamp = light.found.lamp
     return {
-        "kind": "flash",
         "lamp": lamp.place.tolist(),
         "intensity": lamp.intensity,
+        "intensity_told_by": (
+            "calibration"
+            if not light.found.assumed
+            else "gloss"
+            if light.found.glossy
+            else "nothing"
+        ),
         "output": light.output,
     }
 

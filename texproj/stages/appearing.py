@@ -30,6 +30,7 @@ from texproj.stages.lighting import (
     check_light,
     found_appearance,
     found_pages,
+    kind_of,
     with_chart,
 )
 from texproj.stages.occluding import keep_occluders
@@ -123,11 +124,11 @@ def appearance_project(
     failed |= colors.failed
     if not set(cameras) - set(failed):
         raise InputError(f"no photo could be read: {'; '.join(failed.values())}")
-    light = light_facts(appearance)
+    light = light_facts(appearance, kind_of(project))
     used = [name for name in cameras if name not in failed]
     plan = replace(plan, provenance=provenance_of(project, used))
     with staging(project.out) as folder:
-        files = write_appearance(folder, bench.source, appearance, plan)
+        files = write_appearance(folder, bench.source, appearance, plan, light)
         if to == "texture":
             pages = found_pages(bench, appearance, progress)
             files += write_textured(folder, bench.mesh, pages, plan)

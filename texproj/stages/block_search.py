@@ -33,7 +33,7 @@ def searched(
         listener = Listener(listen, draft.show)
         block = place_block(part, bench.mesh, render, load, listener, known)
     reason = block.reason
-    if asking and block.candidates:
+    if asking and block.candidates and not block.accepted:
         ask(bench.project, part, block)
         reason = f"{reason}, or choose the right one in `texproj preview`"
     quality = {

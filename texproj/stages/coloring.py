@@ -31,7 +31,7 @@ from texproj.stages.layouts import (
     layout_notes,
     mesh_to_fill,
 )
-from texproj.stages.lightening import check_levels, levels_of, write_levels
+from texproj.stages.lightening import check_levels, levels_of, told_of_levels, write_levels
 from texproj.stages.occluding import keep_occluders, occluder_inputs
 from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
@@ -244,6 +244,7 @@ def _made(
     texture = _texture(bench, photos, checker, tell)
     if bench.project.settings.output.faces:
         levels = levels_of(bench, texture)
+        texture = told_of_levels(texture, levels, len(bench.mesh.faces))
         return texture, lambda folder, plan: write_levels(folder, levels, plan)
     return texture, lambda folder, plan: write_texture(folder, bench.mesh, texture, plan)
 

@@ -50,6 +50,17 @@ def levels_of(bench: Workbench, texture: Texture) -> list[TexturedMesh]:
     return levels
 
 
+def told_of_levels(texture: Texture, levels: Sequence[TexturedMesh], faces: int) -> Texture:
+    """The texture with the levels in its numbers, and without notes on a layout that none of them
+    has. faces: of the full mesh.
+    """
+    counts = [len(level.faces) for level in levels]
+    notes = texture.notes
+    if texture.kept is not None and max(counts) < faces:
+        notes = ("the model has fewer faces than the mesh, so its layout is its own",)
+    return replace(texture, quality={**texture.quality, "levels": counts}, notes=notes)
+
+
 def lighter(mesh: Mesh, faces: int) -> Mesh:
     """About so many faces of the same shape. Raises TexprojError."""
     made = decimated(mesh, faces)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from texproj.errors import InputError
-from texproj.options import ColorOptions
+from texproj.options import ColorOptions, LightOptions
 from texproj.project import Project
 from texproj.stages.bench import Workbench
 from texproj.stages.checking import checker_of
@@ -27,6 +27,7 @@ HIGHLIGHT = 1.0
 """How strongly highlights are distrusted: they are none of the surface's color."""
 
 Target = Literal["vertices", "texture"]
+LightKind = Literal["natural", "flash"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +41,7 @@ class Pages:
     confidence: tuple[NDArray[np.uint8], ...] | None = None
 
 
-def kind_of(project: Project) -> Literal["natural", "flash"]:
+def kind_of(project: Project) -> LightKind:
     """What light is looked for."""
     return "flash" if project.settings.light.kind == "flash" else "natural"
 
@@ -60,10 +61,13 @@ def lamp_of(project: Project) -> Lamp:
     from texproj.appearance.flash.lamp import Lamp  # noqa: PLC0415 - slow to load
 
     options = project.settings.light
+    if options.flash is not None:
+        return _calibrated(project, options)
     if options.lamp is None:
         raise InputError(
             f"{project.root / 'project.toml'}: nothing says where the flash is; give [light]"
-            " `lamp`, its place right of the lens, below and in front of it, in units of the scan"
+            " `lamp`, its place right of the lens, below and in front of it, in units of the scan,"
+            " or `flash`, the file of `texproj calibrate-flash`"
         )
     place = np.array(options.lamp, float)
     if not np.isfinite(place).all():
@@ -72,6 +76,21 @@ def lamp_of(project: Project) -> Lamp:
             " give three numbers in units of the scan"
         )
     return Lamp(place)
+
+
+def _calibrated(project: Project, options: LightOptions) -> Lamp:
+    from texproj.stages.flash_file import read_flash  # noqa: PLC0415 - slow to load
+
+    assert options.flash is not None
+    if options.lamp is not None:
+        raise InputError(
+            f"{project.root / 'project.toml'}: `lamp` and `flash` in [light] both say where the"
+            " flash is; leave one out"
+        )
+    path = project.root / options.flash
+    if not path.is_file():
+        raise InputError(f"no flash calibration at {path}; correct `flash` in [light]")
+    return read_flash(path)
 
 
 def with_chart(project: Project) -> Project:

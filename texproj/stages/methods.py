@@ -243,7 +243,11 @@ def _from_camera(job: Job, start: Camera) -> Fit:
 
 
 def _by_features(job: Job) -> Fit:
-    from texproj.register.features import inherited_error, register_pairs  # noqa: PLC0415 - slow
+    from texproj.register.features import (  # noqa: PLC0415 - slow to load
+        LEAST_INLIERS,
+        inherited_error,
+        register_pairs,
+    )
 
     if not job.neighbors:
         raise RegistrationError(NOTHING_TO_START_FROM)
@@ -259,9 +263,9 @@ def _by_features(job: Job) -> Fit:
         info, list(shared.values()), inherited, job.start_intrinsics, options,
         job.bench.surface_sample,
     )  # fmt: skip
-    witnesses = [n for n, pairs in shared.items() if len(pairs)]
-    if fit.accepted and len(witnesses) == 1:
-        fit = _through_one(job, fit, job.neighbors[witnesses[0]])
+    told = sorted(shared, key=lambda name: -len(shared[name]))
+    if fit.accepted and sum(len(shared[name]) >= LEAST_INLIERS for name in told) < 2:
+        fit = _through_one(job, fit, job.neighbors[told[0]])
     return replace(fit, quality={**fit.quality, THROUGH: list(shared)})
 
 

@@ -75,7 +75,7 @@ def bounced(
     the node.
     """
     out = np.zeros((*seen.shape, 3), np.float32)
-    values = np.array([(m.roughness, m.metal, m.f0) for m in nodes.materials], np.float32)
+    values = np.array([material.values for material in nodes.materials], np.float32)
     for photo in range(seen.shape[1]):
         rows = np.flatnonzero(seen[hits.node, photo])
         place = (flashes.place[photo] - shadows.center).astype(np.float32)
@@ -88,8 +88,7 @@ def bounced(
         normal, back = normal[lit], back[lit]
         half, _ = unit(to_lamp + back)
         angles = Angles(nl, dots(normal, back), dots(normal, half), dots(back, half))
-        roughness, metal, f0 = values[nodes.label[hits.met[rows]]].T
-        slope, offset = linear_terms(roughness, metal, f0, angles)
+        slope, offset = linear_terms(values[nodes.label[hits.met[rows]]].T, angles)
         cosine = -to_lamp @ flashes.axis[photo].astype(np.float32)
         light = lamp.strength(cosine) * nl / np.square(distance) * flashes.gain[photo]
         light *= np.float32(np.pi / RAYS * (1 if lamp.intensity is None else lamp.intensity))

@@ -36,7 +36,7 @@ class Fit:
 
 def fit_material(seen: Observations, material: Material, rounds: int = CAUCHY_ROUNDS) -> Fit:
     """Every point taken for one material."""
-    slope, offset = model_terms(seen, material.roughness, material.metal, material.f0)
+    slope, offset = model_terms(seen, material.values)
     return fit_terms(seen, slope, offset, rounds)
 
 
@@ -56,20 +56,17 @@ def labelled_terms(
     seen: Observations, materials: Sequence[Material], label: np.ndarray
 ) -> tuple[Floats, Floats]:
     """(m, 3) slopes and offsets of the observations, each of its point's material."""
-    values = np.array([(m.roughness, m.metal, m.f0) for m in materials], np.float32)
-    roughness, metal, f0 = values[label[seen.point]].T
-    return model_terms(seen, roughness, metal, f0)
+    values = np.array([material.values for material in materials], np.float32)
+    return model_terms(seen, values[label[seen.point]].T)
 
 
-def model_terms(
-    seen: Observations, roughness: float | Floats, metal: bool | Floats, f0: float | Floats
-) -> tuple[Floats, Floats]:
+def model_terms(seen: Observations, values: Sequence[float] | Floats) -> tuple[Floats, Floats]:
     """(m, 3) slope and offset of what is observed in the point's color: of the flash's own light,
-    and of one bounce, which is diffuse.
+    and of one bounce, which is diffuse. values: of one `Material`, or (4, m) of each.
     """
-    slope, offset = linear_terms(roughness, metal, f0, seen.angles)
+    slope, offset = linear_terms(values, seen.angles)
     around = seen.around * np.float32(1 / np.pi)
-    paint = MIRRORED_AROUND * (1 - np.asarray(metal, np.float32))
+    paint = np.float32(MIRRORED_AROUND) * (1 - np.asarray(values[1], np.float32))
     mirrored = around * paint[..., None]
     return (seen.light * slope)[:, None] + around, (seen.light * offset)[:, None] + mirrored
 

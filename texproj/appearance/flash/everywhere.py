@@ -13,17 +13,36 @@ from texproj.appearance.flash.closed_form import fit_lambert, fit_material
 from texproj.appearance.flash.found import HIGHLIGHT, Found
 from texproj.appearance.flash.observations import Observations, Surfel, observe
 from texproj.appearance.flash.sampled import FlashSamples
-from texproj.appearance.flash.voting import mesh_neighbors, settled, smoothed
+from texproj.appearance.flash.voting import (
+    PLACE,
+    mesh_neighbors,
+    place_and_chroma,
+    settled,
+    smoothed,
+)
 from texproj.arrays import Bools, Floats, Index
+from texproj.color.filling.vertices import fill_vertices
 from texproj.mesh import Mesh
 
-MIRRORS = 8
-"""Points nearby that saw their highlight, whose mean a metal takes that did not see its own."""
+MIRRORS = 32
+"""Metal nearby, and of like hue, that saw its highlight, whose median tells the color of metals: a
+single point knows it to a tenth only."""
+
+OWN = 0.25
+"""What a metal's own color counts for, where it saw its highlight."""
 
 FARTHEST = 0.1
 """Of the diagonal: farther from any metal that was seen to mirror nothing is called one."""
 
-ENOUGH = 2.0
+ENOUGH = 3
+"""Observations that tell a material; one or two fit any, so that such points take what is around
+them.
+"""
+
+RINGS = 12
+"""Of neighbors, as far as that reaches."""
+
+HALF = 2.0
 """Observations at which confidence is half."""
 
 UNLIT = 0.5
@@ -85,8 +104,11 @@ def vertices_everywhere(
     whole = _Tried(*(np.concatenate([getattr(t, k) for t in tried]) for k in vars(tried[0])))
     xyz = (mesh.vertices - mesh.center).astype(np.float32)
     near = mesh_neighbors(mesh.faces, len(xyz))
-    cost = smoothed(whole.cost, whole.number > 0, near)
-    label, sure = settled(cost, found.voters.shares(xyz, whole.matte), near)
+    known = whole.number >= ENOUGH
+    spread = smoothed(whole.cost, known, near, RINGS)
+    cost = np.where(known[:, None], whole.cost, spread)
+    matte = fill_vertices(mesh, whole.matte, known)
+    label, sure = settled(cost, found.voters.votes(xyz, matte), near)
     return _chosen(xyz, whole, label, sure, found)
 
 
@@ -117,16 +139,19 @@ def _chosen(xyz: Floats, tried: _Tried, label: Index, sure: Floats, found: Found
     metal = np.array([kind.metal for kind in found.kinds])
     lit = tried.highlight >= HIGHLIGHT
     mirrors = _Mirrors(found, metal)
-    wanting = np.flatnonzero(metal[label] & ~lit)
-    far, color = mirrors.near(xyz[wanting], label[wanting])
-    alone = wanting[far]
+    metals = np.flatnonzero(metal[label])
+    far, color = mirrors.near(xyz[metals], tried.matte[metals])
+    far &= ~lit[metals]
+    alone = metals[far]
     label = label.copy()
     if len(alone) and not metal.all():
         paints = np.flatnonzero(~metal)
         label[alone] = paints[np.argmin(tried.cost[alone][:, paints], axis=1)]
     out = tried.colors[np.arange(len(label)), label]
-    out[wanting[~far]] = color[~far]
-    sure = sure * (tried.number / (tried.number + ENOUGH)) * np.where(lit, 1, UNLIT)
+    own = np.float32(OWN) * lit[metals, None]
+    mixed = own * out[metals] + (1 - own) * color
+    out[metals[~far]] = mixed[~far]
+    sure = sure * (tried.number / (tried.number + HALF)) * np.where(lit, 1, UNLIT)
     sure[alone] *= 0.5
     return Points(out, label, sure.astype(np.float32), tried.number)
 
@@ -136,23 +161,22 @@ class _Mirrors:
 
     def __init__(self, found: Found, metal: Any) -> None:
         lit = found.seen.nearest_highlight() >= HIGHLIGHT
-        self._limit = FARTHEST * found.diagonal
-        self._known = {}
-        for number in np.flatnonzero(metal):
-            rows = np.flatnonzero(lit & (found.label == number) & (found.seen.number >= 3))
-            if len(rows):
-                self._known[int(number)] = cKDTree(found.surfels.xyz[rows]), found.fit.color[rows]
+        rows = np.flatnonzero(lit & metal[found.label] & (found.seen.number >= 3))
+        self._color, self._diagonal = found.fit.color[rows], found.diagonal
+        self._place = PLACE * found.diagonal
+        self._matte = fit_lambert(found.seen).color
+        self._places, self._count = cKDTree(found.surfels.xyz[rows]), min(MIRRORS, len(rows))
+        like = place_and_chroma(found.surfels.xyz[rows], self._matte[rows], self._place)
+        self._alike = cKDTree(like)
 
-    def near(self, xyz: Floats, label: Index) -> tuple[Bools, Floats]:
-        """(n,) whether points are far from all of their material, and (n, 3) the color near."""
-        far, color = np.ones(len(xyz), bool), np.zeros((len(xyz), 3), np.float32)
-        for number, (tree, known) in self._known.items():
-            rows = np.flatnonzero(label == number)
-            if not len(rows):
-                continue
-            count = min(MIRRORS, tree.n)
-            away, near = tree.query(xyz[rows], count, workers=-1)
-            away, near = away.reshape(-1, count), near.reshape(-1, count)
-            far[rows] = away[:, 0] > self._limit
-            color[rows] = np.median(known[near], axis=1)
-        return far, color
+    def near(self, xyz: Floats, matte: Floats) -> tuple[Bools, Floats]:
+        """(n,) whether points are far from all lit metal, and (n, 3) the color of that near; matte:
+        (n, 3) what they look like.
+        """
+        if not self._count or not len(xyz):
+            return np.ones(len(xyz), bool), np.zeros((len(xyz), 3), np.float32)
+        away = self._places.query(xyz, workers=-1)[0]
+        like = place_and_chroma(xyz, matte, self._place)
+        near = self._alike.query(like, self._count, workers=-1)[1].reshape(-1, self._count)
+        color = np.median(self._color[near], axis=1).astype(np.float32)
+        return away > FARTHEST * self._diagonal, color

@@ -33,8 +33,10 @@ HIGHLIGHT = 0.93
 METAL_LIT = 0.1
 """Least part of the points of a metal that have to have seen their highlight."""
 
-ALIKE = 0.05
-"""Roughness by which two materials of one kind, pooled, have to differ."""
+ALIKE, ROUGH, ROUGH_ALIKE = 0.05, 0.4, 0.2
+"""Roughness by which two materials of one kind, pooled, have to differ; from `ROUGH` on light from
+around and rough normals part what is one.
+"""
 
 FRONTAL, BRIGHT = 0.4, 0.02
 """Cosine to the eye, and linear light, from which on an observation tells its flash's output."""
@@ -44,22 +46,23 @@ ROUNDS = 2
 """Of materials: the first without a bounce, the second with it."""
 
 SCALE_ROUNDS = 3
+BALANCE_ROUNDS = 4
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
     """What the surface is made of.
 
-    materials: by label; flashes: with their gains; lamp: with an intensity; absolute: whether it
-    is known, not assumed; field: light from the surface around; voters: who tells the material of
-    other points; surfels, seen, label, fit, neighbors, hits: the points that it was found from;
-    assumed: the lamp's intensity was not given.
+    materials: by label; flashes: with their gains; lamp: with an intensity; glossy: whether that
+    was told by the mirror of glossy paint where it was not given; field: light from the surface
+    around; voters: who tells the material of other points; surfels, seen, label, fit, neighbors,
+    hits: the points that it was found from; assumed: the lamp's intensity was not given.
     """
 
     materials: tuple[Pooled, ...]
     flashes: Flashes
     lamp: Lamp
-    absolute: bool
+    glossy: bool
     field: BounceField
     voters: Voters
     surfels: Surfel
@@ -105,18 +108,27 @@ class _Search:
         self.flashes = self.flashes.with_gain(self.flashes.gain * gain)
 
     def volume(self, materials: Sequence[Material]) -> tuple[list[Fit], Floats]:
-        """The fit of each material, and (n, k) their costs smoothed."""
+        """The fit of each material, and (n, k) their costs."""
         fits = [fit_material(self.seen, material) for material in materials]
-        cost = np.stack([fit.cost for fit in fits], axis=1)
-        return fits, smoothed(cost, self.seen.number > 0, self.neighbors)
+        return fits, np.stack([fit.cost for fit in fits], axis=1)
+
+    def even(self, cost: Floats) -> Floats:
+        """(n, k) costs without the noise of single points."""
+        return smoothed(cost, self.seen.number > 0, self.neighbors)
 
     def settle(self, materials: Sequence[Material], rgb: Floats) -> tuple[Index, Voters]:
         """(n,) the material of each point."""
         _, cost = self.volume(materials)
         known = self.seen.number >= 3
         voters = Voters.of(self.surfels.xyz, rgb, cost, known, self.diagonal)
-        shares = voters.shares(self.surfels.xyz, rgb)
-        return settled(cost, shares, self.neighbors)[0], voters
+        votes = voters.votes(self.surfels.xyz, rgb)
+        return settled(cost, votes, self.neighbors)[0], voters
+
+    def balance(self, kinds: Sequence[Material], label: Index) -> None:
+        """Outputs and colors in turns: either hides in the other for a while."""
+        for _ in range(BALANCE_ROUNDS):
+            color = fit_each(self.seen, kinds, label).color
+            self.gains(predicted(*labelled_terms(self.seen, kinds, label), self.seen, color))
 
     def bounce(self, nodes: Nodes) -> BounceField:
         """Light from the surface around, put into the observations."""
@@ -150,28 +162,27 @@ def find_materials(
     search.gains(_matte_prediction(search.seen, matte))
     for _ in range(GAIN_ROUNDS):
         fits, cost = search.volume(CANDIDATES)
-        search.gains(_best_prediction(search.seen, fits, np.argmin(cost, axis=1)))
-    kinds = [CANDIDATES[k] for k in base_materials(search.volume(CANDIDATES)[1])]
-    absolute, field, label = known, None, None
+        search.gains(_best_prediction(search.seen, fits, np.argmin(search.even(cost), axis=1)))
+    kinds = [CANDIDATES[k] for k in base_materials(search.even(search.volume(CANDIDATES)[1]))]
+    glossy, field, label = False, None, None
     for turn in range(ROUNDS if known else ROUNDS + SCALE_ROUNDS):
         rgb = fit_lambert(search.seen).color
         label, voters = search.settle(kinds, rgb)
         told, label = _merged(pooled(search.seen, label, kinds), label, search.seen)
         if not known and turn < ROUNDS + SCALE_ROUNDS - 1:
-            absolute = _rescale(search, told) or absolute
+            glossy = _rescale(search, told) or glossy
         kinds = [one.material for one in told]
         if not known:
             kinds = [replace(kind, f0=DIELECTRIC) for kind in kinds]
         fit = fit_each(search.seen, kinds, label)
-        nodes = Nodes(surfels, fit.color, label, kinds)
-        field = search.bounce(nodes)
-        search.gains(predicted(*labelled_terms(search.seen, kinds, label), search.seen, fit.color))
+        field = search.bounce(Nodes(surfels, fit.color, label, kinds))
+        search.balance(kinds, label)
     label, voters = search.settle(kinds, fit_lambert(search.seen).color)
     fit = fit_each(search.seen, kinds, label)
     assert field is not None
     return Found(
         tuple(replace(one, material=kind) for one, kind in zip(told, kinds, strict=True)),
-        search.flashes, search.lamp, absolute, field, voters, surfels, search.seen, label, fit,
+        search.flashes, search.lamp, glossy, field, voters, surfels, search.seen, label, fit,
         shadows, near, hits, not known, diagonal,
     )  # fmt: skip
 
@@ -237,7 +248,8 @@ def _merged(told: list[Pooled], label: Index, seen: Observations) -> tuple[list[
 
 
 def _alike(one: Material, other: Material) -> bool:
-    return one.metal == other.metal and abs(one.roughness - other.roughness) < ALIKE
+    least = ROUGH_ALIKE if min(one.roughness, other.roughness) >= ROUGH else ALIKE
+    return one.metal == other.metal and abs(one.roughness - other.roughness) < least
 
 
 def photo_gains(seen: Observations, told: Floats, photos: int) -> Floats:

@@ -28,7 +28,8 @@ class Lamp:
     intensity, coefficients of powers 1, 2, ... of `ANGLE_SCALE` (1 - cosine to the axis); widest:
     cosine of the largest angle that the profile is known to, beyond which nothing is used;
     vignetting: of log light in the picture, coefficients of powers of the squared distance from
-    the picture's middle over that of its corner; intensity: light at unit distance along the axis
+    the picture's middle over that of its corner; reach: up to where they are known, beyond which
+    nothing is used either; intensity: light at unit distance along the axis
     where a photo's white is 1 and base color 1 sends out 1 / pi of it, None where it is unknown.
     """
 
@@ -37,7 +38,13 @@ class Lamp:
     profile: tuple[float, ...] = ()
     widest: float = -1.0
     vignetting: tuple[float, ...] = ()
+    reach: float = np.inf
     intensity: float | None = None
+
+    @property
+    def bare(self) -> bool:
+        """Whether it shines alike in all directions, through a lens that loses nothing."""
+        return self.widest <= -1 and not self.vignetting
 
     def in_world(self, camera: Camera, orientation: int = 1) -> tuple[Doubles, Doubles]:
         """(3,) place and (3,) axis in the world for an upright photo; orientation: the EXIF one
@@ -57,10 +64,12 @@ class Lamp:
         return np.where(cosine >= self.widest, out, 0).astype(np.float32)
 
     def falloff(self, camera: Camera, xy_px: Doubles) -> Floats:
-        """(n,) light that the lens lets through at pixels, against that in the middle."""
-        if not self.vignetting:
-            return np.ones(len(xy_px), np.float32)
-        return np.exp(polynomial(self.vignetting, corner_part(camera, xy_px))).astype(np.float32)
+        """(n,) light that the lens lets through at pixels, against that in the middle; 0 beyond
+        `reach`.
+        """
+        rho = corner_part(camera, xy_px)
+        out = np.exp(polynomial(self.vignetting, rho))
+        return np.where(rho <= self.reach, out, 0).astype(np.float32)
 
 
 def corner_part(camera: Camera, xy_px: Doubles) -> Doubles:

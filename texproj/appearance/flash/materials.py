@@ -7,7 +7,7 @@ import numpy as np
 from texproj.arrays import Floats
 
 MOST = 8
-LEAST_FALL = 0.02
+LEAST_FALL = 0.03
 """Part of what all candidates explain together, beyond the best single one, that one material more
 has to explain: true ones bring 6 % and more, what splits noise below 1 %.
 """

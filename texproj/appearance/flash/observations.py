@@ -177,12 +177,13 @@ def observe(
     light *= np.float32(1 if lamp.intensity is None else lamp.intensity)
     nh, vh = dots(surfels.normal[point], half), dots(to_eye[kept], half)
     cut = rgb >= CLIPPED
-    rgb = rgb / _falloff(xyz + caster.center.astype(np.float32), photo, flashes, lamp)[:, None]
+    through = _falloff(xyz + caster.center, photo, flashes, lamp)
+    rgb = np.divide(rgb, np.maximum(through, 1e-3)[:, None], dtype=np.float32)
     seen = Observations(
         len(surfels.xyz), point, photo, rgb, light, Angles(nl, nv, nh, vh), trust[kept] * nv,
         np.zeros((len(point), 3), np.float32), cut,
     )  # fmt: skip
-    return seen if lamp.widest <= -1 else seen.kept(light > 0)
+    return seen if lamp.bare else seen.kept((light > 0) & (through > 0))
 
 
 def _falloff(xyz: NDArray[Any], photo: Index, flashes: Flashes, lamp: Lamp) -> Floats:

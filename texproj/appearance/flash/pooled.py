@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,10 @@ from texproj.appearance.flash.reflection import DIELECTRIC, Material
 from texproj.arrays import Floats, Index
 
 POINTS = 4000
+FEWEST = 20
+BEST = 0.6
+"""Part of the points that tell."""
+
 SMOOTH = 0.6
 """Roughness from which on the mirror of a dielectric drowns in its paint: F0 is taken for usual."""
 
@@ -22,6 +26,9 @@ STEP = 0.06
 
 F0_BOUNDS = (0.01, 0.12)
 """Of dielectrics from porous stone to gems."""
+
+EDGE_BOUNDS = (0.4, 2.6)
+"""Of the brightness of a matte edge: from Lambert's less Fresnel to the roughest known."""
 
 TELLING = 0.02
 """Part by which the cost has to rise where F0 is a fifth off, for F0 to be known."""
@@ -47,11 +54,19 @@ def pooled(seen: Observations, label: Index, known: Sequence[Material]) -> list[
         rows = np.flatnonzero((label == number) & (seen.number >= 3))
         if len(rows) > POINTS:
             rows = np.sort(rng.choice(rows, POINTS, replace=False))
-        if len(rows) < 20:
+        if len(rows) < FEWEST:
             out.append(Pooled(material, False, len(rows)))
         else:
-            out.append(_refined(seen.of_points(rows), material))
+            out.append(_refined(_best(seen.of_points(rows), material), material))
     return out
+
+
+def _best(seen: Observations, material: Material) -> Observations:
+    """The points that the material fits best: not those in light from around, or of wrong normals,
+    which look rougher.
+    """
+    cost = fit_material(seen, material, ROUNDS).cost
+    return seen.of_points(np.flatnonzero(cost <= np.quantile(cost, BEST)))
 
 
 def _refined(seen: Observations, start: Material) -> Pooled:
@@ -60,23 +75,36 @@ def _refined(seen: Observations, start: Material) -> Pooled:
     def cost(material: Material) -> float:
         return float(_mean_cost(seen, material))
 
-    if start.metal or start.roughness > SMOOTH:
+    def best(values: tuple[float, float], change: Callable[[float], Material]) -> float:
         found = minimize_scalar(
-            lambda r: cost(replace(start, roughness=float(r))), bounds=(low, high),
-            method="bounded", options={"xatol": 2e-3},
+            lambda x: cost(change(float(x))), bounds=values, method="bounded",
+            options={"xatol": 4e-3, "maxiter": 16},
         )  # fmt: skip
-        return Pooled(replace(start, roughness=float(found.x)), False, seen.count)
+        return float(found.x)
+
+    if start.metal or start.roughness > SMOOTH:
+        now = replace(start, roughness=best((low, high), lambda r: replace(start, roughness=r)))
+        return Pooled(_edged(now, best), False, seen.count)
     found = minimize(
         lambda x: cost(replace(start, roughness=float(x[0]), f0=float(np.exp(x[1])))),
         [start.roughness, np.log(start.f0)], method="Nelder-Mead",
         bounds=[(low, high), tuple(np.log(F0_BOUNDS))],
-        options={"xatol": 2e-3, "fatol": 1e-5, "maxfev": 60,
-                 "initial_simplex": _simplex(start)},
+        options={"xatol": 2e-3, "fatol": 1e-5, "maxfev": 50, "initial_simplex": _simplex(start)},
     )  # fmt: skip
-    best = replace(start, roughness=float(found.x[0]), f0=float(np.exp(found.x[1])))
-    off = min(cost(replace(best, f0=best.f0 * factor)) for factor in (0.8, 1.25))
-    told = off > (1 + TELLING) * found.fun and F0_BOUNDS[0] < best.f0 < F0_BOUNDS[1]
-    return Pooled(best if told else replace(best, f0=DIELECTRIC), bool(told), seen.count)
+    now = replace(start, roughness=float(found.x[0]), f0=float(np.exp(found.x[1])))
+    now = _edged(now, best)
+    off = min(cost(replace(now, f0=now.f0 * factor)) for factor in (0.8, 1.25))
+    told = off > (1 + TELLING) * cost(now) and F0_BOUNDS[0] < now.f0 < F0_BOUNDS[1]
+    return Pooled(now if told else replace(now, f0=DIELECTRIC), bool(told), seen.count)
+
+
+def _edged(
+    now: Material, best: Callable[[tuple[float, float], Callable[[float], Material]], float]
+) -> Material:
+    """With its own edge: after the roughness, which hardly depends on it."""
+    if now.metal:
+        return now
+    return replace(now, edge=best(EDGE_BOUNDS, lambda edge: replace(now, edge=edge)))
 
 
 def _simplex(start: Material) -> list[list[float]]:

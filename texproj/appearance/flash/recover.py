@@ -99,7 +99,8 @@ def _appearance(mesh: Mesh, points: Points, light: FlashLight, verdict: FlashVer
     metallic = np.array([kind.metal for kind in kinds], np.float32)[points.label]
     base = fill_vertices(mesh, points.color, points.seen)
     return Appearance(
-        base, roughness, metallic, None, points.sure, light, True, "", light.found.absolute, verdict
+        base, roughness, metallic, None, points.sure, light, True, "",
+        not light.found.assumed, verdict,
     )  # fmt: skip
 
 

@@ -4,6 +4,7 @@ in closed form.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -18,12 +19,28 @@ DIELECTRIC = 0.04
 @dataclass(frozen=True)
 class Material:
     """roughness in 0..1 (alpha is its square); metal: the color is that of the mirror, else that of
-    the matte part; f0: mirror of a dielectric at normal incidence.
+    the matte part; f0: mirror of a dielectric at normal incidence; edge: how bright its matte part
+    is in grazing light that goes straight back, against Lambert's, None as is usual for its
+    roughness (`usual_edge`).
     """
 
     roughness: float
     metal: bool
     f0: float = DIELECTRIC
+    edge: float | None = None
+
+    @property
+    def values(self) -> tuple[float, float, float, float]:
+        """All four as numbers."""
+        edge = usual_edge(self.roughness) if self.edge is None else self.edge
+        return self.roughness, float(self.metal), self.f0, edge
+
+
+def usual_edge(roughness: float) -> float:
+    """What measured materials do: rough ones are brighter at edges, smooth ones darker. Burley,
+    "Physically-based shading at Disney", 2012, sec. 5.3, in light that goes straight back.
+    """
+    return 0.5 + 2 * roughness
 
 
 ROUGHNESSES = tuple(float(r) for r in np.linspace(0.15, 0.95, 17))
@@ -61,19 +78,23 @@ def lobe(roughness: float | Floats, angles: Angles) -> Floats:
     return d * np.float32(0.5) / hidden
 
 
-def linear_terms(
-    roughness: float | Floats, metal: bool | Floats, f0: float | Floats, angles: Angles
-) -> tuple[Floats, Floats]:
+def linear_terms(values: Sequence[float] | Floats, angles: Angles) -> tuple[Floats, Floats]:
     """(n,) slope and (n,) offset of the reflectance, without the cosine, in the color.
 
-    Dielectric: color / pi + s (f0 + (1 - f0)(1 - vh)^5); metal: s (color + (1 - color)(1 - vh)^5),
-    by Schlick. Material values may be one or (n,), metal then 0 or 1.
+    values: those of one `Material`, or (n,) of each. Dielectric: color / pi e + s (f0 + (1 - f0)
+    (1 - vh)^5) with Burley's e of the edge (ibid.); metal: s (color + (1 - color)(1 - vh)^5), by
+    Schlick.
     """
+    roughness, metal, f0, edge = values
     s = lobe(roughness, angles)
-    edge = np.square(np.square(1 - angles.vh)) * (1 - angles.vh)
-    of_metal = s * (1 - edge), s * edge
-    of_paint = np.float32(1 / np.pi), s * (f0 + (1 - f0) * edge)
-    if isinstance(metal, bool):
-        return of_metal if metal else (np.full_like(s, of_paint[0]), of_paint[1])
-    slope = metal * of_metal[0] + (1 - metal) * of_paint[0]
-    return slope, metal * of_metal[1] + (1 - metal) * of_paint[1]
+    rise = _fifth(1 - angles.vh)
+    more = np.float32(1) * edge - 1
+    matte = (1 + more * _fifth(1 - angles.nl)) * (1 + more * _fifth(1 - angles.nv))
+    slope = metal * s * (1 - rise) + (1 - metal) * matte * np.float32(1 / np.pi)
+    offset = s * (metal * rise + (1 - metal) * (f0 + (1 - f0) * rise))
+    return slope.astype(np.float32), offset.astype(np.float32)
+
+
+def _fifth(x: Floats) -> Floats:
+    square = x * x
+    return square * square * x

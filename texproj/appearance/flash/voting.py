@@ -13,18 +13,26 @@ from texproj.appearance.palette import log_chroma
 from texproj.arrays import Bools, Doubles, Floats, Index
 
 SMOOTHINGS = 2
-VOTERS = 40
+"""Of points by which materials are chosen: single ones are noisy. Labels come by votes instead,
+since averages take away what is at borders.
+"""
+
+VOTERS = 15
+"""More take small parts away: 100 lose every sixth point of metal, 15 every twentieth."""
+
 SURE = 0.65
 """Part of the points, those of the largest margin, that vote."""
 
-PLACE = 0.03
-"""Of the diagonal, and
-"""
-CHROMA = 0.15
-"""difference in log chroma, that make points equally far from each other."""
+PLACE, CHROMA = 0.03, 0.08
+"""Part of the diagonal, and difference in log chroma, that make points equally far."""
 
-VOTE, POTTS = 1.0, 0.1
-"""What the vote and what neighbors count for, against the mean of log (1 + squared deviation)."""
+FAR_PLACE, FAR_VOTERS, CLEAR = 1.0, 40, 0.4
+"""Of the other party: a paint is of one material all over the piece, and most of its points saw no
+highlight; costs that differ by `CLEAR` tell.
+"""
+
+POTTS = 0.1
+"""What neighbors count for, against the mean of log (1 + squared deviation)."""
 
 ROUNDS = 6
 NEAR = 6
@@ -52,13 +60,13 @@ def _mean(one: Index, other: Index, count: int) -> Any:
     return (diags_array((1 / np.maximum(total, 1)).astype(np.float32)) @ sums).tocsr()
 
 
-def smoothed(cost: Floats, known: Bools, neighbors: Any) -> Floats:
+def smoothed(cost: Floats, known: Bools, neighbors: Any, times: int = SMOOTHINGS) -> Floats:
     """(n, k) costs averaged with those of their neighbors; points that are not known take all of
     them from there.
     """
     weight = known.astype(np.float32)[:, None]
     out = cost * weight
-    for _ in range(SMOOTHINGS):
+    for _ in range(times):
         out = out + neighbors @ out
         weight = weight + neighbors @ weight
         out, weight = out / 2, weight / 2
@@ -74,43 +82,80 @@ def margin(cost: Floats) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class Voters:
-    """Points that are sure of their material. tree: of place and chroma; label: (n,)."""
+class _Party:
+    """Points that vote. tree: of place and chroma; weight: (n, k) of each for each material."""
 
     tree: cKDTree
-    label: Index
-    materials: int
-    diagonal: float
+    weight: Floats
+    place: float
+
+    @classmethod
+    def of(cls, xyz: Floats, rgb: Floats, weight: Floats, place: float) -> _Party:
+        return cls(cKDTree(place_and_chroma(xyz, rgb, place)), weight, place)
+
+    def shares(self, xyz: Floats, rgb: Floats, count: int) -> Floats:
+        """(n, k) part of the votes of the nearest, half a usual one more for each material."""
+        if not self.tree.n:
+            return np.ones((len(xyz), self.weight.shape[1]), np.float32)
+        count = min(count, self.tree.n)
+        near = self.tree.query(place_and_chroma(xyz, rgb, self.place), count, workers=-1)[1]
+        votes = self.weight[near.reshape(len(xyz), count)].sum(axis=1)
+        votes = votes + np.float32(0.5 * self.weight.sum(axis=1).mean())
+        shares: Floats = votes / votes.sum(axis=1, keepdims=True)
+        return shares
+
+
+@dataclass(frozen=True, eq=False)
+class Voters:
+    """Points that are sure of their material. near: those near in place and chroma; alike: those of
+    like chroma anywhere that saw what parts the materials, by how clearly.
+    """
+
+    near: _Party
+    alike: _Party
 
     @classmethod
     def of(cls, xyz: Floats, rgb: Floats, cost: Floats, known: Bools, diagonal: float) -> Voters:
         """The surest of n points of costs (n, k) and colors rgb (n, 3)."""
         sure = margin(cost)
         limit = np.quantile(sure[known], 1 - SURE) if known.any() else 0
-        rows = np.flatnonzero(known & (sure >= limit))
-        tree = cKDTree(_features(xyz[rows], rgb[rows], diagonal))
-        return cls(tree, np.argmin(cost[rows], axis=1), cost.shape[1], diagonal)
+        best = np.eye(cost.shape[1], dtype=np.float32)[np.argmin(cost, axis=1)]
+        gap = _gap(cost)
+        parties = []
+        for rows, weight, place in (
+            (known & (sure >= limit), best, PLACE),
+            (known & (gap > CLEAR), best * np.minimum(gap, 1)[:, None], FAR_PLACE),
+        ):
+            parties.append(_Party.of(xyz[rows], rgb[rows], weight[rows], place * diagonal))
+        return cls(*parties)
 
-    def shares(self, xyz: Floats, rgb: Floats) -> Floats:
-        """(n, k) part of the votes for each material, none without any."""
-        count = min(VOTERS, self.tree.n)
-        near = self.tree.query(_features(xyz, rgb, self.diagonal), count, workers=-1)[1]
-        votes = self.label[near.reshape(len(xyz), count)]
-        out = [(votes == k).mean(axis=1) for k in range(self.materials)]
-        shares = np.stack(out, axis=1) * count + 0.5
-        return (shares / shares.sum(axis=1, keepdims=True)).astype(np.float32)
+    def votes(self, xyz: Floats, rgb: Floats) -> Floats:
+        """(n, k) log of the parts of the votes, of both parties."""
+        near = self.near.shares(xyz, rgb, VOTERS)
+        alike = self.alike.shares(xyz, rgb, FAR_VOTERS)
+        return np.log(near) + np.log(alike)
 
 
-def _features(xyz: Floats, rgb: Floats, diagonal: float) -> Doubles:
-    return np.column_stack([xyz / (PLACE * diagonal), log_chroma(rgb) / CHROMA])
+def _gap(cost: Floats) -> Floats:
+    """(n,) how much larger the second lowest cost is; 0 where there is but one."""
+    if cost.shape[1] == 1:
+        return np.zeros(len(cost), np.float32)
+    two = np.partition(cost, 1, axis=1)[:, :2]
+    gap: Floats = two[:, 1] - two[:, 0]
+    return gap
 
 
-def settled(cost: Floats, shares: Floats, neighbors: Any) -> tuple[Index, Floats]:
+def place_and_chroma(xyz: Floats, rgb: Floats, place: float) -> Doubles:
+    """(n, 5) in which points alike and near are near; place: distance that counts as 1."""
+    return np.column_stack([xyz / place, log_chroma(rgb) / CHROMA])
+
+
+def settled(cost: Floats, votes: Floats, neighbors: Any) -> tuple[Index, Floats]:
     """(n,) labels of least cost with votes and neighbors, and (n,) how sure they are, 0..1.
 
     Iterated conditional modes (Besag 1986), all points at once and by halves in turn.
     """
-    unary = cost - VOTE * np.log(shares)
+    unary = cost - votes
     label = np.argmin(unary, axis=1)
     half = np.arange(len(label)) % 2
     total = unary

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -83,17 +82,10 @@ def _between(knots: Doubles, at: Doubles) -> tuple[np.ndarray, Doubles]:
     return below, np.clip((at - knots[below]) / (knots[below + 1] - knots[below]), 0, 1)
 
 
-def read_ies(path: Path) -> Profile:
-    """The profile of a file. Raises InputError that says what is wrong with it."""
-    try:
-        text = path.read_text("latin-1")
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from None
-    return ies_of_text(text, str(path))
-
-
 def ies_of_text(text: str, where: str = "the IES file") -> Profile:
-    """The profile of the text of a file. Raises InputError that names `where`."""
+    """The profile of the text of a file, which has no letters but those of Latin 1. Raises
+    InputError that names `where`.
+    """
     head, found, rest = text.partition("TILT=")
     if not found:
         raise InputError(f"{where}: no line TILT=; it is no IES file (LM-63)")

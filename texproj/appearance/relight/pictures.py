@@ -103,8 +103,9 @@ class _Shading:
         out += mirrored * (f0 * scale[:, None] + bias[:, None])
         for toward, power in self._straight(xyz, normal):
             angles, cosine = _angles(normal, to_eye, toward)
-            f0 = np.full(len(metal), DIELECTRIC, np.float32)
-            slope, offset = linear_terms(np.maximum(roughness, 0.05), metal, f0, angles)
+            one = np.ones(len(metal), np.float32)
+            values = (np.maximum(roughness, 0.05), metal, np.float32(DIELECTRIC) * one, one)
+            slope, offset = linear_terms(np.stack(values), angles)
             out += (slope[:, None] * base + offset[:, None]) * power * cosine[:, None]
         return out
 

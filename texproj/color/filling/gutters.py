@@ -22,16 +22,21 @@ def fill_page(page: NDArray[Any], known: NDArray[np.bool_]) -> None:
     """
     if known.all() or not known.any():
         return
-    half = _filled(*_halved(page, known))
+    half, columns = filled_half(page, known), slice(0, page.shape[1])
 
     def one(number: int) -> None:
         rows = _strip(number, len(page))
-        smooth = _enlarged(half, rows, page.shape)
-        if page.dtype.kind in "ui":
+        smooth = enlarged(half, rows, columns)
+        if page.dtype.kind == "u":
             smooth = np.round(smooth).astype(page.dtype)
         np.copyto(page[rows], smooth, where=~known[rows][..., None])
 
     in_parallel(one, range(-(-len(page) // STRIP)))
+
+
+def filled_half(page: NDArray[Any], known: NDArray[np.bool_]) -> NDArray[Any]:
+    """(h / 2, w / 2, 3) float32 the page reduced, without holes; its sides rounded up."""
+    return _filled(*_halved(page, known))
 
 
 def _strip(number: int, height: int) -> slice:
@@ -74,13 +79,20 @@ def _filled(color: NDArray[Any], weight: NDArray[Any]) -> NDArray[Any]:
     for top in range(0, len(color), STRIP):
         rows = slice(top, min(top + STRIP, len(color)))
         empty = (weight[rows] == 0)[..., None]
-        np.copyto(color[rows], _enlarged(coarse, rows, color.shape), where=empty)
+        smooth = enlarged(coarse, rows, slice(0, color.shape[1]))
+        np.copyto(color[rows], smooth, where=empty)
     return color
 
 
-def _enlarged(half: NDArray[Any], rows: slice, shape: tuple[int, ...]) -> NDArray[Any]:
-    """Rows of the image of twice the size, linearly interpolated."""
-    first, last = max(rows.start // 2 - 1, 0), min(-(-rows.stop // 2) + 1, len(half))
-    part = half[first:last]
+def enlarged(half: NDArray[Any], rows: slice, columns: slice) -> NDArray[Any]:
+    """Part of the image of twice the size, linearly interpolated; it begins at even places."""
+    (top, bottom), (left, right) = (
+        (max(part.start // 2 - 1, 0), min(-(-part.stop // 2) + 1, size))
+        for part, size in zip((rows, columns), half.shape[:2], strict=True)
+    )
+    part = half[top:bottom, left:right]
     big = cv2.resize(part, (2 * part.shape[1], 2 * part.shape[0]), interpolation=cv2.INTER_LINEAR)
-    return big[rows.start - 2 * first : rows.stop - 2 * first, : shape[1]]
+    return big[
+        rows.start - 2 * top : rows.stop - 2 * top,
+        columns.start - 2 * left : columns.stop - 2 * left,
+    ]

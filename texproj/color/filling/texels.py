@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.arrays import Floats
-from texproj.color.filling.gutters import fill_page
+from texproj.color.filling.gutters import enlarged, filled_half
 from texproj.color.filling.vertices import fill_vertices
 from texproj.color.points.texels import TexelPoints
 from texproj.mesh import Mesh
@@ -90,7 +90,7 @@ def _fill(membrane: _Membrane, number: int, page: NDArray[Any], apart: NDArray[n
     ]  # fmt: skip
     if not tiles:
         return
-    difference = np.zeros(page.shape, np.int16 if page.itemsize == 1 else np.int32)
+    difference = np.zeros(page.shape, np.int16 if page.itemsize == 1 else np.int32)  # mostly empty
 
     def compare(k: int) -> None:
         place = points.tiles[k].rows, points.tiles[k].columns
@@ -101,12 +101,12 @@ def _fill(membrane: _Membrane, number: int, page: NDArray[Any], apart: NDArray[n
         place = points.tiles[k].rows, points.tiles[k].columns
         touched = points.mask(k) & (apart[place] <= FADE)
         kept = apart[place][touched][:, None] / (FADE + 1)
-        colors = membrane.at(k, touched) + difference[place][touched]
+        colors = membrane.at(k, touched) + enlarged(half, *place)[touched]
         colors += kept * (page[place][touched] - colors)
         page[place][touched] = np.round(colors.clip(0, np.iinfo(page.dtype).max))
 
     in_parallel(compare, tiles)
-    fill_page(difference, apart == BESIDE)
+    half = filled_half(difference, apart == BESIDE)
     in_parallel(color, tiles)
 
 

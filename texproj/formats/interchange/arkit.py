@@ -74,8 +74,7 @@ def write_arkit(shots: Sequence[Shot]) -> Written:
         }  # fmt: skip
         name = f"{PurePosixPath(shot.name).stem}.json"
         files[name] = (json.dumps(frame, indent=1) + "\n").encode()
-    notes = {shot.name: note for shot in shots if (note := _lost(shot.camera.intrinsics))}
-    return Written(files, notes)
+    return Written.of(files, shots, _lost)
 
 
 def is_frame(content: Any) -> bool:

@@ -92,8 +92,7 @@ def write_blender(shots: Sequence[Shot], mesh: str) -> Written:
     entries = [_entry(shot) for shot in shots]
     text = json.dumps(entries, indent=1).replace("\\", "\\\\").replace('"""', '\\"\\"\\"')
     script = SCRIPT.format(mesh=ascii(mesh), cameras=text)
-    notes = {shot.name: note for shot in shots if (note := _lost(shot.camera.intrinsics))}
-    return Written({"cameras.py": script.encode()}, notes)
+    return Written.of({"cameras.py": script.encode()}, shots, _lost)
 
 
 def _entry(shot: Shot) -> dict[str, object]:

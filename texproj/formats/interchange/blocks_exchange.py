@@ -33,6 +33,7 @@ from texproj.formats.interchange.model import (
     five,
     left_out,
     lens,
+    lenses_of,
     number,
     numbers,
     pose_at,
@@ -88,15 +89,14 @@ def write_blocks_exchange(shots: Sequence[Shot]) -> Written:
     block = ET.SubElement(root, "Block")
     ET.SubElement(block, "Name").text = "texproj"
     groups = ET.SubElement(block, "Photogroups")
-    for k in dict.fromkeys(shot.camera.intrinsics for shot in shots):
+    for k in lenses_of(shots):
         group = _write_lens(groups, k)
         for i, shot in enumerate(shots):
             if shot.camera.intrinsics == k:
                 _write_photo(group, i, shot)
     ET.indent(root)
     content = ET.tostring(root, encoding="utf-8", xml_declaration=True) + b"\n"
-    notes = {shot.name: note for shot in shots if (note := _lost(shot.camera.intrinsics))}
-    return Written({"blocks.xml": content}, notes)
+    return Written.of({"blocks.xml": content}, shots, _lost)
 
 
 def _axes(orientation: str, where: str) -> Array:

@@ -86,8 +86,7 @@ def write_bundler(shots: Sequence[Shot]) -> Written:
         lines += [words(row) for row in rows]
     listed = "".join(f"{shot.path}\n" for shot in shots)
     files = {"bundle.out": ("\n".join(lines) + "\n").encode(), "list.txt": listed.encode()}
-    notes = {shot.name: note for shot in shots if (note := _lost(shot.camera.intrinsics))}
-    return Written(files, notes)
+    return Written.of(files, shots, _lost)
 
 
 def list_beside(path: Path, count: int) -> Path | None:

@@ -100,10 +100,9 @@ def read_colmap(path: Path, size_of: SizeOf) -> ForeignModel:
 
 def write_colmap(shots: Sequence[Shot], binary: bool = False) -> Written:
     """A model of one camera per photo, without points. Lens terms beyond k6 are left out."""
-    notes = {shot.name: note for shot in shots if (note := _lost(shot.camera.intrinsics))}
     cameras = [_parameters(shot.camera.intrinsics) for shot in shots]
     write = _write_binary if binary else _write_text
-    return Written(write(shots, cameras), notes)
+    return Written.of(write(shots, cameras), shots, _lost)
 
 
 def _intrinsics(raw: RawCamera) -> tuple[Intrinsics, str]:

@@ -78,8 +78,7 @@ def write_meshlab(shots: Sequence[Shot], mesh: str) -> Written:
         ET.SubElement(raster, "Plane", semantic="1", fileName=shot.path)
     ET.indent(root)
     text = "<!DOCTYPE MeshLabDocument>\n" + ET.tostring(root, encoding="unicode") + "\n"
-    notes = {shot.name: note for shot in shots if (note := _lost(shot.camera.intrinsics))}
-    return Written({"cameras.mlp": text.encode()}, notes)
+    return Written.of({"cameras.mlp": text.encode()}, shots, _lost)
 
 
 def _name(raster: ET.Element) -> str:

@@ -25,6 +25,7 @@ from texproj.formats.interchange.model import (
     five,
     left_out,
     lens,
+    lenses_of,
     number,
     numbers,
     pose_at,
@@ -67,7 +68,7 @@ def read_meshroom(path: Path, size_of: SizeOf) -> ForeignModel:
 
 def write_meshroom(shots: Sequence[Shot]) -> Written:
     """cameras.sfm of version 1.2.6, brown lenses of one focal length; photos of a lens share it."""
-    lenses = list(dict.fromkeys(shot.camera.intrinsics for shot in shots))
+    lenses = lenses_of(shots)
     content = {
         "version": [str(part) for part in WRITTEN],
         "views": [
@@ -87,8 +88,9 @@ def write_meshroom(shots: Sequence[Shot]) -> Written:
             for i, shot in enumerate(shots, 1)
         ],
     }  # fmt: skip
-    notes = {shot.name: note for shot in shots if (note := _lost(shot.camera.intrinsics))}
-    return Written({"cameras.sfm": (json.dumps(content, indent=1) + "\n").encode()}, notes)
+    return Written.of(
+        {"cameras.sfm": (json.dumps(content, indent=1) + "\n").encode()}, shots, _lost
+    )
 
 
 def _written_lens(number_: int, k: Intrinsics) -> dict[str, Any]:

@@ -35,6 +35,7 @@ from texproj.formats.interchange.model import (
     beyond_k3,
     left_out,
     lens,
+    lenses_of,
     number,
     numbers,
     pose_at,
@@ -101,7 +102,7 @@ def write_metashape(shots: Sequence[Shot]) -> Written:
     """
     document = ET.Element("document", version=VERSION)
     chunk = ET.SubElement(document, "chunk", label="texproj", enabled="true")
-    lenses = list(dict.fromkeys(shot.camera.intrinsics for shot in shots))
+    lenses = lenses_of(shots)
     sensors = ET.SubElement(chunk, "sensors", next_id=str(len(lenses)))
     for i, k in enumerate(lenses):
         _write_sensor(sensors, i, k)
@@ -115,8 +116,7 @@ def write_metashape(shots: Sequence[Shot]) -> Written:
         ET.SubElement(camera, "transform").text = words(matrix.ravel())
     ET.indent(document)
     content = ET.tostring(document, encoding="utf-8", xml_declaration=True) + b"\n"
-    notes = {shot.name: note for shot in shots if (note := _lost(shot.camera.intrinsics))}
-    return Written({"cameras.xml": content}, notes)
+    return Written.of({"cameras.xml": content}, shots, _lost)
 
 
 def _similarity(holder: ET.Element, where: str) -> _Similarity | None:

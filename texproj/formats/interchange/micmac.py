@@ -32,6 +32,7 @@ from texproj.formats.interchange.model import (
     five,
     left_out,
     lens,
+    lenses_of,
     numbers,
     pose_at,
     possible,
@@ -68,14 +69,13 @@ def read_micmac(path: Path, size_of: SizeOf) -> ForeignModel:
 
 def write_micmac(shots: Sequence[Shot]) -> Written:
     """An orientation for each photo and a calibration for each lens, of MicMac's model Fraser."""
-    lenses = list(dict.fromkeys(shot.camera.intrinsics for shot in shots))
+    lenses = lenses_of(shots)
     files = {CALIBRATION.format(i): _calibration(k) for i, k in enumerate(lenses)}
     for shot in shots:
         number = lenses.index(shot.camera.intrinsics)
         name = f"{PREFIX}{shot.name}{SUFFIX}"
         files[name] = _orientation(shot.camera, CALIBRATION.format(number))
-    notes = {shot.name: note for shot in shots if (note := _lost(shot.camera.intrinsics))}
-    return Written(files, notes)
+    return Written.of(files, shots, _lost)
 
 
 def _camera(

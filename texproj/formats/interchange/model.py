@@ -84,6 +84,14 @@ class Written:
     files: dict[str, bytes]
     notes: dict[str, str] = field(default_factory=dict)
 
+    @classmethod
+    def of(
+        cls, files: dict[str, bytes], shots: Iterable[Shot], lost: Callable[[Intrinsics], str]
+    ) -> Written:
+        """With a note for each photo of whose lens something is lost, in the words of `lost`."""
+        told = {shot.name: lost(shot.camera.intrinsics) for shot in shots}
+        return cls(files, {name: note for name, note in told.items() if note})
+
 
 class Unusable(Exception):  # noqa: N818 - turned into an entry of `refused`
     """A camera that cannot be brought to our model; the text says why."""
@@ -190,3 +198,8 @@ def left_out(terms: Mapping[str, float], threshold: float = 0.0) -> str:
 def sentences(parts: Iterable[str]) -> str:
     """The parts that say something, joined."""
     return "; ".join(part for part in parts if part)
+
+
+def lenses_of(shots: Iterable[Shot]) -> list[Intrinsics]:
+    """Each lens once: photos of the same one share it."""
+    return list(dict.fromkeys(shot.camera.intrinsics for shot in shots))

@@ -25,6 +25,7 @@ from texproj.formats.interchange.model import (
     five,
     left_out,
     lens,
+    lenses_of,
     number,
     numbers,
     pose_at,
@@ -80,7 +81,7 @@ def read_openmvg(path: Path, size_of: SizeOf) -> ForeignModel:
 
 def write_openmvg(shots: Sequence[Shot]) -> Written:
     """sfm_data.json of pinhole_brown_t2 lenses of one focal length; photos of a lens share it."""
-    lenses = list(dict.fromkeys(shot.camera.intrinsics for shot in shots))
+    lenses = lenses_of(shots)
     named = {"polymorphic_id": NAMED_HERE + 1, "polymorphic_name": WRITTEN}
     content = {
         "sfm_data_version": "0.3", "root_path": "",
@@ -105,8 +106,9 @@ def write_openmvg(shots: Sequence[Shot]) -> Written:
         ],
         "structure": [], "control_points": [],
     }  # fmt: skip
-    notes = {shot.name: note for shot in shots if (note := _lost(shot.camera.intrinsics))}
-    return Written({"sfm_data.json": (json.dumps(content, indent=1) + "\n").encode()}, notes)
+    return Written.of(
+        {"sfm_data.json": (json.dumps(content, indent=1) + "\n").encode()}, shots, _lost
+    )
 
 
 def _view(number_: int, lens_: int, shot: Shot) -> dict[str, Any]:

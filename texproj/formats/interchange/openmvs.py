@@ -32,6 +32,7 @@ from texproj.formats.interchange.model import (
     brown_terms,
     left_out,
     lens,
+    lenses_of,
     pose_at,
     rotation,
 )
@@ -92,7 +93,7 @@ def read_openmvs(path: Path, size_of: SizeOf) -> ForeignModel:
 
 def write_openmvs(shots: Sequence[Shot]) -> Written:
     """cameras.mvs without points: one platform per lens, poses on it, and the photos' paths."""
-    lenses = list(dict.fromkeys(shot.camera.intrinsics for shot in shots))
+    lenses = lenses_of(shots)
     out = [MAGIC, struct.pack("<II", WRITTEN, 0), struct.pack("<Q", len(lenses))]
     images: list[tuple[Shot, int, int]] = []
     for i, k in enumerate(lenses):
@@ -109,8 +110,7 @@ def write_openmvs(shots: Sequence[Shot]) -> Written:
     out.append(struct.pack("<6Q", *[0] * 6))  # points, normals, colors, lines, theirs
     box = [*np.eye(4).ravel(), *np.eye(3).ravel(), *np.zeros(6)]
     out.append(_doubles(np.array(box)))
-    notes = {shot.name: note for shot in shots if (note := _lost(shot.camera.intrinsics))}
-    return Written({"cameras.mvs": b"".join(out)}, notes)
+    return Written.of({"cameras.mvs": b"".join(out)}, shots, _lost)
 
 
 class _Bytes:

@@ -36,6 +36,7 @@ from texproj.formats.interchange.model import (
     five,
     left_out,
     lens,
+    lenses_of,
     number,
     numbers,
     possible,
@@ -79,7 +80,7 @@ def read_opensfm(path: Path, size_of: SizeOf) -> ForeignModel:
 
 def write_opensfm(shots: Sequence[Shot]) -> Written:
     """One reconstruction of brown cameras, without points; photos with the same lens share one."""
-    lenses = list(dict.fromkeys(shot.camera.intrinsics for shot in shots))
+    lenses = lenses_of(shots)
     content = [{
         "cameras": {_key(i): _camera(k) for i, k in enumerate(lenses)},
         "shots": {
@@ -94,8 +95,7 @@ def write_opensfm(shots: Sequence[Shot]) -> Written:
         "points": {},
     }]  # fmt: skip
     text = json.dumps(content, indent=1) + "\n"
-    notes = {shot.name: note for shot in shots if (note := _lost(shot.camera.intrinsics))}
-    return Written({"reconstruction.json": text.encode()}, notes)
+    return Written.of({"reconstruction.json": text.encode()}, shots, _lost)
 
 
 def _table(part: dict[str, Any], key: str, path: Path) -> dict[str, Any]:

@@ -30,6 +30,7 @@ from texproj.formats.interchange.model import (
     five,
     left_out,
     lens,
+    lenses_of,
     number,
     numbers,
     pose_at,
@@ -93,7 +94,7 @@ def read_opf(path: Path, size_of: SizeOf) -> ForeignModel:
 
 def write_opf(shots: Sequence[Shot]) -> Written:
     """A project of a camera list, input cameras, calibrated cameras and a local frame."""
-    lenses = list(dict.fromkeys(shot.camera.intrinsics for shot in shots))
+    lenses = lenses_of(shots)
     number_of = {k: i for i, k in enumerate(lenses, 1)}
     listed = [{"id": i, "uri": quote(shot.path)} for i, shot in enumerate(shots, 1)]
     frame = {"shift": [0.0] * 3, "scale": [1.0] * 3, "swap_xy": False}
@@ -125,8 +126,7 @@ def write_opf(shots: Sequence[Shot]) -> Written:
         for kind, part in parts.items()
     }
     files = {name: (json.dumps(c, indent=1) + "\n").encode() for name, c in contents.items()}
-    notes = {shot.name: note for shot in shots if (note := _lost(shot.camera.intrinsics))}
-    return Written(files, notes)
+    return Written.of(files, shots, _lost)
 
 
 def _parts(path: Path) -> dict[str, Path]:

@@ -85,8 +85,7 @@ def write_pix4d(shots: Sequence[Shot]) -> Written:
         lines += [f"{shot.name} {k.width} {k.height}", *(words(row) for row in k.K)]
         lines += [words((k1, k2, k3)), words((p1, p2)), words(pose.center)]
         lines += [words(row) for row in pose.R]
-    notes = {shot.name: note for shot in shots if (note := _lost(shot.camera.intrinsics))}
-    return Written({f"cameras_{ENDING}": ("\n".join(lines) + "\n").encode()}, notes)
+    return Written.of({f"cameras_{ENDING}": ("\n".join(lines) + "\n").encode()}, shots, _lost)
 
 
 def _camera(rows: Sequence[Array], width: float, height: float, where: str) -> Camera:

@@ -69,8 +69,7 @@ def write_realityscan(shots: Sequence[Shot]) -> Written:
     table.writerow(["#name", *COLUMNS[1:]])
     for shot in shots:
         table.writerow([shot.name, *(repr(float(v)) for v in _values(shot.camera))])
-    notes = {shot.name: note for shot in shots if (note := _lost(shot.camera.intrinsics))}
-    return Written({"cameras.csv": text.getvalue().encode()}, notes)
+    return Written.of({"cameras.csv": text.getvalue().encode()}, shots, _lost)
 
 
 def _rows(path: Path) -> list[tuple[int, dict[str, str]]]:

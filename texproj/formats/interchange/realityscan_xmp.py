@@ -71,8 +71,7 @@ def read_realityscan_xmp(path: Path, size_of: SizeOf) -> ForeignModel:
 def write_realityscan_xmp(shots: Sequence[Shot]) -> Written:
     """One sidecar a photo, to lie beside it; lens terms beyond k3 are left out."""
     files = {f"{PurePosixPath(shot.name).stem}.xmp": _sidecar(shot.camera) for shot in shots}
-    notes = {shot.name: note for shot in shots if (note := _lost(shot.camera.intrinsics))}
-    return Written(files, notes)
+    return Written.of(files, shots, _lost)
 
 
 def _sidecar(camera: Camera) -> bytes:

@@ -67,8 +67,7 @@ def read_texrecon(path: Path, size_of: SizeOf) -> ForeignModel:
 def write_texrecon(shots: Sequence[Shot]) -> Written:
     """One file a photo, to lie beside it. k1 and k2 go with a centered principal point alone."""
     files = {f"{PurePosixPath(shot.name).stem}.cam": _text(shot.camera).encode() for shot in shots}
-    notes = {shot.name: note for shot in shots if (note := _lost(shot.camera.intrinsics))}
-    return Written(files, notes)
+    return Written.of(files, shots, _lost)
 
 
 def _lines(file: Path) -> tuple[Array, Array]:

@@ -83,8 +83,7 @@ def write_visualsfm(shots: Sequence[Shot]) -> Written:
         row = [(k.fx + k.fy) / 2, w, x, y, z, *pose.center, 0.0]
         lines.append(f"{shot.path.replace(' ', SPACE)} {words(row)} 0")
     lines += ["", "0", "", "0", ""]
-    notes = {shot.name: note for shot in shots if (note := _lost(shot.camera.intrinsics))}
-    return Written({"cameras.nvm": "\n".join(lines).encode()}, notes)
+    return Written.of({"cameras.nvm": "\n".join(lines).encode()}, shots, _lost)
 
 
 def _fixed(words_: list[str], path: Path) -> Array | None:

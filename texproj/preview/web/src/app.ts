@@ -237,7 +237,7 @@ export class App implements Host {
     const layers: Layer[] = facts ? ["shaded", "normals", "ao"] : [];
     if (facts?.models["model.ply"]) layers.push("color");
     if (facts?.models["model.glb"]) layers.push("texture");
-    if (facts?.models["appearance.ply"]) layers.push("base", "relit");
+    if (facts?.models["appearance.ply"]) layers.push("base", "relit", "roughness", "metallic", "confidence");
     if (facts?.photos.some((photo) => photo.status === "registered")) layers.push("mean", "coverage", "source");
     if (this.photo ? this.photo.status === "registered" : layers.includes("source")) layers.push("weights");
     return new Set(layers);

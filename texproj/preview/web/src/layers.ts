@@ -29,7 +29,9 @@ export class LayerLoader {
     else if (layer === "mean") await this.loadMean(versionOf(facts));
     else if (layer === "texture") await this.loadTexture(facts.models["model.glb"]);
     else if (layer === "weights") await this.loadValues(factor, versionOf(facts), photo);
-    else if (layer === "ao" || layer === "coverage" || layer === "source") {
+    else if (layer === "roughness" || layer === "metallic" || layer === "confidence") {
+      await this.loadValues(layer, String(facts.models["appearance.ply"]), null);
+    } else if (layer === "ao" || layer === "coverage" || layer === "source") {
       await this.loadValues(layer, versionOf(facts), null);
     }
   }
@@ -97,6 +99,9 @@ export function showLegend(layer: Layer, span: number): void {
     color: () => [unseen],
     base: () => [unseen],
     relit: () => [unseen],
+    roughness: () => [rampBar(), ends("a mirror", "matte"), unseen],
+    metallic: () => [rampBar(), ends("no metal", "metal"), unseen],
+    confidence: () => [rampBar(), ends("unsure", "sure"), unseen],
     mean: () => [el("div", {}, "Doubled edges: a photo is off"), unseen],
     coverage: () => [rampBar(), ends("1 photo", `${Math.round(span)} photos`), unseen],
     weights: () => [rampBar(), ends("counts little", "counts fully"), unseen],

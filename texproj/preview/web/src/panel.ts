@@ -17,7 +17,8 @@ export interface Look {
   wipe: number;
 }
 
-export const LAYERS: { layer: Layer; name: string; what: string }[] = [
+/** appearance: shown only where the light was taken out. */
+export const LAYERS: { layer: Layer; name: string; what: string; appearance?: boolean }[] = [
   { layer: "color", name: "Color", what: "The model colored from the photos, on its vertices" },
   { layer: "texture", name: "Texture", what: "The model with its texture" },
   { layer: "shaded", name: "Plain", what: "Bare shape under a movable light" },
@@ -27,8 +28,11 @@ export const LAYERS: { layer: Layer; name: string; what: string }[] = [
   { layer: "source", name: "Source", what: "Which photo counts most" },
   { layer: "weights", name: "Weights", what: "How much the chosen photo counts" },
   { layer: "mean", name: "Mean", what: "The plain mean of all photos: what is off shows as doubled edges" },
-  { layer: "base", name: "Base color", what: "The surface itself, without the light of the photos" },
-  { layer: "relit", name: "Relit", what: "The surface in another light" },
+  { layer: "base", name: "Base color", what: "The surface itself, without the light of the photos", appearance: true },
+  { layer: "relit", name: "Relit", what: "The surface in another light", appearance: true },
+  { layer: "roughness", name: "Roughness", what: "How wide highlights are; natural light tells nothing of it", appearance: true },
+  { layer: "metallic", name: "Metallic", what: "Where the surface is a metal", appearance: true },
+  { layer: "confidence", name: "Confidence", what: "How sure the base color is", appearance: true },
 ];
 
 /** What a photo's weight is made of; the first is all of it but what depends on other photos. */
@@ -66,7 +70,7 @@ export function viewPanel(
 }
 
 function layerSection(look: Look, wanted: Layer, available: Set<Layer>, act: PanelActions): HTMLElement {
-  const buttons = LAYERS.map(({ layer, name, what }) => {
+  const buttons = LAYERS.filter((entry) => !entry.appearance || available.has(entry.layer)).map(({ layer, name, what }) => {
     const button = el(
       "button",
       {

@@ -17,7 +17,7 @@ const METERED = 2000;
 export class Relight {
   choice: Choice = { sun: true, heading: -50, height: 40, kelvin: 5500, sky: "overcast", tone: "filmic", split: false };
   lights: Lights | null = null;
-  /** What luminance is multiplied by, and the exposure value that this is. */
+  /** How it is exposed, as a camera meters: the exposure value at ISO 100. */
   ev = 0;
   private readonly shadow = new SunShadow();
   private version = "";
@@ -69,7 +69,8 @@ export class Relight {
 
   /** Whether what was photographed is shown beside it. */
   get splits(): boolean {
-    return this.choice.split && this.app.viewport.surface.layer === "relit";
+    const { surface, photoCamera } = this.app.viewport;
+    return this.choice.split && surface.layer === "relit" && !photoCamera && document.body.dataset.mode === "view";
   }
 
   /** Direction to the sun, the scan's axes. */

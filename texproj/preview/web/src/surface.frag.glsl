@@ -132,6 +132,7 @@ vec3 picture() {
   if (mode == 3) return vValue < 0.0 ? unseen() : encoded(vec3(vValue) * exposure);
   if (mode == 4) return vFlatValue < -0.5 ? unseen() : texture(ramp, vec2((vFlatValue + 0.5) / 256.0, 0.5)).rgb;
   if (mode == 5) return vValue <= 0.0 ? unseen() : texture(ramp, vec2(clamp(vValue / span, 0.0, 1.0), 0.5)).rgb;
+  if (mode == 7) return vValue < 0.0 ? unseen() : texture(ramp, vec2(clamp(vValue / span, 0.0, 1.0), 0.5)).rgb;
   if (mode == 6) return relit();
   vec4 color = surfaceColor();
   return color.a < 0.5 ? unseen() : encoded(color.rgb * exposure);

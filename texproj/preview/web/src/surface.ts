@@ -10,7 +10,7 @@ import vertexShader from "./surface.vert.glsl";
 import type { Sample } from "./lightmath.ts";
 import { frontOf } from "./upright.ts";
 
-export type Layer = "color" | "mean" | "texture" | "base" | "relit" | "shaded" | "normals" | "ao" | "coverage" | "source" | "weights";
+export type Layer = "color" | "mean" | "texture" | "base" | "relit" | "roughness" | "metallic" | "confidence" | "shaded" | "normals" | "ao" | "coverage" | "source" | "weights";
 
 /** A picture of depths as the sun sees the model. */
 export interface Shadow {
@@ -31,7 +31,7 @@ export interface Relit {
 
 /** Which branch of surface.frag.glsl shows a layer. */
 const MODES: Record<Layer, number> = {
-  color: 0, mean: 0, texture: 0, base: 0, relit: 6, shaded: 1, normals: 2, ao: 3, source: 4, coverage: 5, weights: 5,
+  color: 0, mean: 0, texture: 0, base: 0, relit: 6, roughness: 7, metallic: 7, confidence: 7, shaded: 1, normals: 2, ao: 3, source: 4, coverage: 5, weights: 5,
 };
 
 export class Surface {

@@ -379,7 +379,7 @@ export class Viewport {
     );
     this.camera.projectionMatrixInverse.copy(this.camera.projectionMatrix).invert();
     this.overlay.setSides(sides);
-    if (this.beside && this.surface.layer === "relit") this.drawBoth(this.beside);
+    if (this.beside && this.surface.layer === "relit" && !this.photoCamera) this.drawBoth(this.beside);
     else this.renderer.render(this.scene, this.camera);
   }
 

@@ -1,0 +1,179 @@
+"""How well materials are told under a flash: photographs by Mitsuba, and the speed of it.
+
+    pip install mitsuba
+    python tests/bench_flash.py                   # two sets of 36 and of 18 photos: a quarter hour
+    python tests/bench_flash.py --unknown         # the flash's strength is not given
+    python tests/bench_flash.py --speed 1000000   # seconds and memory of a million points
+    python tests/bench_flash.py --wall            # vignetting, flash and lamp by a white wall
+
+Of each set it prints CIEDE2000 of the base color, median and 90 %, over vertices that at least 3
+photos see, of the blend at its best scale and of the result as it is; how often metals are told;
+the mean error of roughness where it is below .6; and photos rendered anew, by Mitsuba on the scan
+with what was found: 6 under the flash and 6 under a lamp elsewhere, beside those with a matte
+surface and with the truth. MITSUBA_VARIANT=llvm_ad_rgb is several times faster where LLVM fits.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import time
+
+import cv2
+import numpy as np
+from flash_caster import INTENSITY as LUMP_INTENSITY
+from flash_caster import LAMP as LUMP_LAMP
+from flash_caster import lump
+from flash_scenes import LAMP, DarkRoom, FlashSet, Shot, Truth, flash_set
+from photo_sets import photo_set as photos_of
+from scipy.spatial import cKDTree
+from skimage.color import deltaE_ciede2000
+
+from texproj.appearance.flash.closed_form import fit_lambert
+from texproj.appearance.flash.lamp import Lamp
+from texproj.appearance.flash.recover import Blend, flash_appearance
+from texproj.appearance.recovered import Appearance
+from texproj.color.checker.fit import lab_of_srgb
+from texproj.color.vertices import color_vertices
+from texproj.mesh import Mesh
+from texproj.options import ColorOptions, RenderOptions
+from texproj.photo import Photo, PhotoInfo, srgb_from_linear
+from texproj.render import open_renderer
+
+SETS = (("capital", "glazed", 4, True), ("stele", "gilded", 3, False))
+SCALES = np.exp(np.linspace(-1.5, 1.5, 61))
+
+
+def surface_of(mesh, cameras, pictures, lamp):
+    """The appearance, the blend, and seconds of processor time of the former."""
+    shots = [Photo(PhotoInfo(str(k), *x.shape[1::-1]), x) for k, x in enumerate(pictures)]
+    photos = photos_of(cameras, shots)
+    with open_renderer(RenderOptions()) as renderer:
+        options = ColorOptions(to="vertices", highlight=1, occluders=False)
+        colors = color_vertices(mesh, photos, renderer, options)
+        start = time.process_time()
+        blend = Blend(colors.rgb, colors.weight > 0)
+        found = flash_appearance(mesh, photos, renderer, lamp, blend, lambda *_: None)
+    return found, colors, time.process_time() - start
+
+
+def off(found, truth):
+    """(n,) CIEDE2000."""
+    return deltaE_ciede2000(lab_of_srgb(np.clip(found, 0, 1)), lab_of_srgb(truth))
+
+
+def told(name: str, error: np.ndarray) -> str:
+    return f"{name} {np.median(error):.2f} / {np.percentile(error, 90):.2f}"
+
+
+def anew(scan: Mesh, truth: Truth, shots: list[Shot], glossy: bool = True) -> list[np.ndarray]:
+    """The held-out photos of a surface."""
+    room = DarkRoom(scan, truth, 0.5 if glossy else 0.0)
+    return [room.taken(s.camera, s.lamp, s.intensity, 16, 7) for s in shots]
+
+
+def psnr(shots: list[Shot], pictures: list[np.ndarray]) -> float:
+    """Over all pixels that show the piece, but those at its outline; dB as shown."""
+    square = []
+    for shot, picture in zip(shots, pictures, strict=True):
+        inside = cv2.erode(
+            (shot.shown & (picture.max(axis=2) > 0)).astype(np.uint8), np.ones((3, 3))
+        )
+        seen, drawn = (srgb_from_linear(np.clip(x, 0, 1)) for x in (shot.radiance, picture))
+        square.append(((seen - drawn) ** 2)[inside > 0].ravel())
+    return float(-10 * np.log10(np.concatenate(square).mean()))
+
+
+def report(name: str, made: FlashSet, every: int, unknown: bool) -> None:
+    """The lines of one set."""
+    names = list(made.photos)[::every]
+    cameras = [made.cameras[n] for n in names]
+    lamp = Lamp(np.array(LAMP), intensity=None if unknown else made.intensity)
+    found, colors, seconds = surface_of(made.mesh, cameras, [made.photos[n] for n in names], lamp)
+    seen, truth = colors.photo_count >= 3, made.truth
+    print(f"\n{name}, {len(names)} photos: {found.reason or 'accepted'}")
+    print(f"  {found.verdict}")
+    plain = min((off(colors.rgb[seen] * s, truth.base[seen]) for s in SCALES), key=np.median)
+    ours = off(found.base[seen], truth.base[seen])
+    kinds = truth.kind[seen]
+    print(f"  {told('blend', plain)}   {told('base color', ours)}   ", end="")
+    print(", ".join(told(str(k), ours[kinds == k]) for k in range(3)))
+    sure = found.confidence[seen] >= np.median(found.confidence[seen])
+    print(f"  {told('surer half', ours[sure])}")
+    if found.light is None:
+        return
+    metal = truth.metallic[seen] > 0.5
+    right = (found.metallic[seen] > 0.5) == metal
+    print(f"  metal right {right.mean():.3f}, surer half {right[sure].mean():.3f}", end="")
+    print(f"; false metal {(~right)[~metal].mean():.3f}", end="")
+    smooth = truth.roughness[seen] < 0.6
+    miss = np.abs(found.roughness - truth.roughness)[seen]
+    print(f"; roughness {miss[smooth].mean():.3f} where below .6")
+    for one in found.light.found.materials:
+        print(f"    {one.material} F0 {'told' if one.f0_known else 'not told'}")
+    gain = found.light.found.flashes.gain / made.output[::every]
+    print(f"  flashes' output {100 * np.std(gain / gain.mean()):.1f} % off", end="")
+    print(f"; strength {found.light.found.lamp.intensity * gain.mean() / made.intensity:.3f} of it")
+    print(f"  {seconds:.1f} s of CPU for {len(seen)} points")
+    rendered(made, found)
+
+
+def rendered(made: FlashSet, found: Appearance) -> None:
+    """Photos rendered anew."""
+    kind = made.truth.kind
+    ours = Truth(found.base, found.roughness, found.metallic, kind)
+    nodes = found.light.found
+    xyz = made.mesh.vertices - made.mesh.center
+    color = fit_lambert(nodes.seen).color[cKDTree(nodes.surfels.xyz).query(xyz)[1]]
+    matte = Truth(color, np.ones(len(kind), np.float32), np.zeros(len(kind), np.float32), kind)
+    for name, shots in (("flash", made.flash), ("lamp elsewhere", made.lamp)):
+        values = [
+            psnr(shots, anew(made.mesh, surface, shots, glossy))
+            for surface, glossy in ((ours, True), (matte, False), (made.truth, True))
+        ]
+        print(
+            f"  {name}: {values[0]:.1f} dB, matte {values[1]:.1f}, with the truth {values[2]:.1f}"
+        )
+
+
+def speed(points: int) -> None:
+    """Seconds of processor time for so many points of 36 photos, and the peak of memory."""
+    made = lump(36, subdivisions=max(4, round(np.log(points / 10) / np.log(4))))
+    lamp = Lamp(LUMP_LAMP, intensity=LUMP_INTENSITY)
+    start = time.time()
+    found, colors, seconds = surface_of(made.mesh, made.cameras, made.photos, lamp)
+    count = len(colors.rgb)
+    seen = float(colors.photo_count.mean())
+    print(f"{count} points, each in {seen:.1f} of 36 photos, {found.reason or 'accepted'}")
+    print(f"{seconds:.0f} s of CPU, {seconds / count * 1e6:.0f} s per million points")
+    print(f"{time.time() - start:.0f} s in all, with the blend; peak", end=" ")
+    print(f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB")
+
+
+def main() -> None:
+    """All that is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--samples", type=int, default=16)
+    parser.add_argument("--unknown", action="store_true")
+    parser.add_argument("--speed", type=int)
+    parser.add_argument("--wall", action="store_true")
+    asked = parser.parse_args()
+    if asked.speed:
+        speed(asked.speed)
+    elif asked.wall:
+        from test_flash_wall import errors, fitted, wall
+
+        fit = fitted(*wall())
+        of_lens, of_flash, place = errors(fit.lamp)
+        print(f"lens {100 * of_lens:.2f} %, flash {100 * of_flash:.2f} % rms,", end=" ")
+        print(f"lamp {1000 * place:.2f} mm off {fit.reason}")
+    else:
+        for kind, materials, seed, exact in SETS:
+            made = flash_set(kind, materials, 36, asked.samples, seed, exact)
+            for every in (1, 2):
+                scan = "its own vertices" if exact else "a scan"
+                report(f"{kind}, {materials}, {scan}", made, every, asked.unknown)
+
+
+if __name__ == "__main__":
+    main()

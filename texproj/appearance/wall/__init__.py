@@ -1,0 +1,1 @@
+"""The flash told from the lens by photos of a white wall."""
