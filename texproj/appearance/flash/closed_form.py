@@ -34,17 +34,10 @@ class Fit:
     cost: Floats
 
 
-SHARP = 0.06
-"""What the cost of a material is more for roughness 0 than for 1: a needle of a highlight that no
-photo met explains them as well as none at all, and would glare in another light.
-"""
-
-
 def fit_material(seen: Observations, material: Material, rounds: int = CAUCHY_ROUNDS) -> Fit:
     """Every point taken for one material."""
     slope, offset = model_terms(seen, material.values)
-    fit = fit_terms(seen, slope, offset, rounds)
-    return Fit(fit.color, fit.cost + np.float32(SHARP * (1 - material.roughness)))
+    return fit_terms(seen, slope, offset, rounds)
 
 
 def fit_lambert(seen: Observations) -> Fit:

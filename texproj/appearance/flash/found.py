@@ -110,8 +110,9 @@ class _Search:
         return fits, np.stack([fit.cost for fit in fits], axis=1)
 
     def even(self, cost: Floats) -> Floats:
-        """(n, k) costs without the noise of single points."""
-        return smoothed(cost, self.seen.number > 0, self.neighbors)
+        """(n, k) costs of `CANDIDATES` without the noise of single points, sharp ones dearer."""
+        sharp = np.array([material.sharpness for material in CANDIDATES], np.float32)
+        return smoothed(cost, self.seen.number > 0, self.neighbors) + sharp
 
     def settle(self, materials: Sequence[Material], rgb: Floats) -> tuple[Index, Voters]:
         """(n,) the material of each point."""

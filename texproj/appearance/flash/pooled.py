@@ -73,7 +73,7 @@ def _refined(seen: Observations, start: Material) -> Pooled:
     low, high = max(start.roughness - STEP, 0.08), min(start.roughness + STEP, 1.0)
 
     def cost(material: Material) -> float:
-        return float(_mean_cost(seen, material))
+        return float(_mean_cost(seen, material)) + material.sharpness
 
     def best(values: tuple[float, float], change: Callable[[float], Material]) -> float:
         found = minimize_scalar(

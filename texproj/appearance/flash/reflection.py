@@ -30,6 +30,11 @@ class Material:
     edge: float | None = None
 
     @property
+    def sharpness(self) -> float:
+        """What it costs to be chosen, see `SHARP`."""
+        return SHARP * (1 - self.roughness)
+
+    @property
     def values(self) -> tuple[float, float, float, float]:
         """All four as numbers."""
         edge = usual_edge(self.roughness) if self.edge is None else self.edge
@@ -46,6 +51,12 @@ def usual_edge(roughness: float) -> float:
 ROUGHNESSES = tuple(float(r) for r in np.linspace(0.15, 0.95, 17))
 ROUGHEST_METAL = 0.65
 """Rougher metals look matte: no photo tells them from paint."""
+
+SHARP = 0.06
+"""What the cost of a material is more for roughness 0 than for 1 where materials are chosen: a
+needle of a highlight that no photo met explains them as well as none at all, and would glare in
+another light.
+"""
 
 PLAIN_EDGE = tuple(Material(r, False, edge=1.0) for r in (0.6, 0.7, 0.8, 0.9))
 """Rough paint that follows Lambert: else a smooth one that hides its highlight comes nearest."""
