@@ -187,6 +187,6 @@ def test_environments_are_read_or_refused(tmp_path):
 def test_without_a_recovered_surface_it_says_what_to_do(project_folder, capsys):
     assert main(["relight", str(project_folder)]) == 2
     assert "run `texproj appearance" in capsys.readouterr().err
-    for wrong in (["--sun", "85"], ["--sun", "x,1"], ["--lamp", "1,2"], ["--lamp", "1,2,0"],
-                  ["--ev", "99"], ["--photo", "a", "--film", "gif"]):  # fmt: skip
-        assert main(["relight", str(project_folder), *wrong]) == 2
+    for wrong in ("--sun 85", "--sun x,1", "--lamp 1,2", "--lamp 1,2,0", "--ev 99", "--kelvin 90",
+                  "--photo a --film gif"):  # fmt: skip
+        assert main(["relight", str(project_folder), *wrong.split()]) == 2

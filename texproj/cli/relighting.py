@@ -45,6 +45,10 @@ class RelightFlags:
             " of all directions: .hdr, .exr. [default: overcast, none with lamps alone]"
         ),
     ] = None
+    kelvin: Annotated[
+        float | None,
+        Parameter(help="Color of suns and lamps: 2700 is a bulb, 5500 the sun. [default: white]"),
+    ] = None
     ev: Annotated[
         float | None, Parameter(help="Exposure at ISO 100. [default: as a camera meters]")
     ] = None
@@ -83,7 +87,7 @@ def relight(
     options = RelightOptions(
         tuple(_place(text, "--sun", 2) for text in flags.sun),
         tuple(_place(text, "--lamp", 3) for text in flags.lamp),
-        flags.sky, flags.ev, flags.tone, flags.photo, flags.film,
+        flags.sky, flags.kelvin, flags.ev, flags.tone, flags.photo, flags.film,
         TurntableOptions(size=flags.size),
     )  # fmt: skip
     with project_at_work(folder, None, verbose, "relight") as project:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from texproj.appearance.harmonics import BASES, basis
+from texproj.appearance.light.color_temperature import rgb_of_kelvin
 from texproj.appearance.relight import (
     Development,
     Environment,
@@ -50,6 +51,7 @@ SUN_LUX, SKY_LUX = 90_000.0, 12_000.0
 """Of a clear day: square to the sun, and of level ground by the sky."""
 LAMP_LUX = 1_000.0
 """Of a lamp at the middle of the piece."""
+KELVIN = 1000, 25000
 NO_SKY, OVERCAST, PHOTOGRAPHED = "none", "overcast", "photographed"
 
 
@@ -67,14 +69,15 @@ class Place:
 @dataclass(frozen=True)
 class RelightOptions:
     """suns, lamps: where they are; sky: "none", "overcast", "photographed" or a file, None =
-    overcast, but none where there are only lamps; ev: exposure at ISO 100, None = as a camera
-    meters; tone: the curve; photo: the photo from whose camera is looked, None = the front; film:
-    None = one picture; its options.
+    overcast, but none where there are only lamps; kelvin: color of suns and lamps, None = white;
+    ev: exposure at ISO 100, None = as a camera meters; tone: the curve; photo: the photo from whose
+    camera is looked, None = the front; film: None = one picture; its options.
     """
 
     suns: tuple[Place, ...] = ()
     lamps: tuple[Place, ...] = ()
     sky: str | None = None
+    kelvin: float | None = None
     ev: float | None = None
     tone: ToneName = "filmic"
     photo: str | None = None
@@ -84,6 +87,8 @@ class RelightOptions:
     def __post_init__(self) -> None:
         if self.ev is not None and not -20 <= self.ev <= 40:
             raise UsageError(f"--ev {self.ev:g} is not between -20 and 40")
+        if self.kelvin is not None and not KELVIN[0] <= self.kelvin <= KELVIN[1]:
+            raise UsageError(f"--kelvin {self.kelvin:g} is not between {KELVIN[0]} and {KELVIN[1]}")
         if self.film is not None and self.photo is not None:
             raise UsageError("--photo shows one picture; leave out --film")
         for place in (*self.suns, *self.lamps):
@@ -181,12 +186,13 @@ def illumination(
         across: Doubles = np.cos(heading) * level + np.sin(heading) * right
         return np.cos(height) * across + np.sin(height) * up
 
-    suns = [Sun(toward(place), np.full(3, SUN_LUX)) for place in options.suns]
+    color = np.ones(3) if options.kelvin is None else rgb_of_kelvin(options.kelvin)
+    suns = [Sun(toward(place), SUN_LUX * color) for place in options.suns]
     lamps = []
     for place in options.lamps:
         away = (place.diagonals or 1) * surface.mesh.diagonal
         middle = surface.mesh.center + away * toward(place)
-        lamps.append(Lamp(middle, np.full(3, LAMP_LUX * away**2)))
+        lamps.append(Lamp(middle, LAMP_LUX * away**2 * color))
     sky = options.sky or (NO_SKY if lamps and not suns else OVERCAST)
     environment = None
     if sky == OVERCAST:
