@@ -83,7 +83,7 @@ def test_the_report_names_every_photo_and_what_was_made(finished):
     assert [row["file"] for row in rows] == list(outcome.color.used)
     for row in rows:
         assert "gain " + ", ".join(f"{gain:.2f}" for gain in row["gain"]) in page
-        assert row["sharpness"] is None or f"sharpness {row['sharpness']:.2f}" in page
+        assert row["sharpness"] is None or f"has {100 * row['sharpness']:.0f} % of the" in page
     named = {name for lens in facts["color"]["quality"]["lenses"] for name in lens["photos"]}
     assert named <= set(project.photo_names)
     assert all(lens["photos"][0] + ", " in page for lens in facts["color"]["quality"]["lenses"])

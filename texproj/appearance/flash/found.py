@@ -41,6 +41,11 @@ around and rough normals part what is one.
 FRONTAL, BRIGHT = 0.4, 0.02
 """Cosine to the eye, and linear light, from which on an observation tells its flash's output."""
 
+BRIGHT_ALBEDO, BRIGHT_PART = 0.8, 0.95
+"""Brightest channel that this part of all points keeps below, where nothing tells the strength of
+the flash: colors that end at 1 would be cut.
+"""
+
 GAIN_ROUNDS = 2
 ROUNDS = 2
 """Of materials: the first without a bounce, the second with it."""
@@ -144,8 +149,8 @@ def find_materials(
 ) -> Found:  # fmt: skip
     """The materials that explain points best, colors free.
 
-    seen: under an intensity of 1 where the lamp's is not known: then it is set so that the median
-    of matte colors is `MEAN_ALBEDO`. Gloss of paint, which mirrors 4 %, would tell it, but that
+    seen: under an intensity of 1 where the lamp's is not known: then it is set so that matte colors
+    are as usual (`_usual_strength`). Gloss of paint, which mirrors 4 %, would tell it, but that
     goes astray as soon as highlights are not quite those of the model.
     """
     near = near_neighbors(surfels.xyz, surfels.normal)
@@ -155,8 +160,7 @@ def find_materials(
     search = _Search(surfels, seen, flashes, lamp, shadows, diagonal, near, hits)
     matte = fit_lambert(search.seen)
     if not known:
-        some = search.seen.number > 0
-        search.scale(float(np.median(matte.color[some] @ LUMINANCE)) / MEAN_ALBEDO)
+        search.scale(_usual_strength(search.seen))
         matte = fit_lambert(search.seen)
     search.gains(_matte_prediction(search.seen, matte))
     for _ in range(GAIN_ROUNDS):
@@ -206,6 +210,21 @@ def completed(found: Found, seen: Observations) -> Found:
         field=BounceField(found.surfels, around * gain[:, None]),
         flashes=found.flashes.with_gain(found.flashes.gain * gain),
     )
+
+
+def _usual_strength(seen: Observations) -> float:
+    """How strong the flash is where colors are as usual: their median `MEAN_ALBEDO`, but the
+    brighter ones no more than `BRIGHT_ALBEDO`, since metals that look black make the median dark.
+    """
+    under = seen.kept(seen.number[seen.point] > 2)
+    plain = under.sums(under.rgb * under.light[:, None])
+    square = under.sums(np.square(under.light)[:, None])
+    color = np.pi * plain[under.number > 0] / np.maximum(square[under.number > 0], 1e-20)
+    if not len(color):
+        return 1.0
+    usual = float(np.median(color @ LUMINANCE)) / MEAN_ALBEDO
+    brightest = float(np.quantile(color.max(axis=1), BRIGHT_PART)) / BRIGHT_ALBEDO
+    return max(usual, brightest, 1e-12)
 
 
 def _merged(told: list[Pooled], label: Index, seen: Observations) -> tuple[list[Pooled], Index]:
