@@ -215,8 +215,3 @@ def test_a_lens_without_a_distortion_has_none(tmp_path, model, count):
     """Nobody is told of coefficients that he did not write."""
     k = read_cameras(written(tmp_path, entry(model=model, dist=...))).records[0].intrinsics
     assert (k.model, k.dist) == (model, (0.0,) * count)
-
-
-def test_a_fisheye_says_how_many_coefficients_it_has(tmp_path):
-    with pytest.raises(InputError, match="dist has 5 coefficients; a fisheye lens has 4 or 8"):
-        read_cameras(written(tmp_path, entry(model="fisheye")))

@@ -62,5 +62,7 @@ def _found(project: Project) -> tuple[Doubles, dict[str, Any] | None] | None:
         sky, sun = photographed(project)
     except InputError:
         return None
-    told = sun and {"direction": sun.toward.tolist(), "irradiance": sun.illuminance.tolist()}
+    told = None
+    if sun is not None:
+        told = {"direction": sun.toward.tolist(), "irradiance": sun.illuminance.tolist()}
     return OPEN_GAINS[:, None] * sky, told
