@@ -1,5 +1,6 @@
 """The film of a model on a turntable."""
 
+import shutil
 from types import SimpleNamespace
 
 import numpy as np
@@ -136,3 +137,13 @@ def test_a_damaged_glb_is_told(wall, capsys):
     glb.write_bytes(glb.read_bytes()[:1000])
     assert run(["turntable", str(wall), "--frames", "2", "--size", "16"]) == 0
     assert "model.obj is shown, since" in capsys.readouterr().out
+
+
+def test_a_model_of_another_mesh_is_not_filmed(wall, tmp_path, capsys):
+    """It is not where the views look; frames without anything would look as if it had worked."""
+    moved = shutil.copytree(wall, tmp_path / "moved")
+    mesh = Project.open(moved).mesh_path
+    trimesh.load(mesh, process=False).apply_translation((9, 0, 0)).export(mesh)
+
+    assert run(["turntable", str(moved), "--size", "32", "--frames", "2"]) == 2
+    assert f"{mesh} has changed since it was colored; run `texproj color" in capsys.readouterr().err

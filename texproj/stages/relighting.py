@@ -44,7 +44,13 @@ from texproj.stages.depicting import registered_cameras
 from texproj.stages.film_path import film_path
 from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
-from texproj.stages.turning import Film, TurntableOptions, replace_record, write_film
+from texproj.stages.turning import (
+    Film,
+    TurntableOptions,
+    need_same_mesh,
+    replace_record,
+    write_film,
+)
 
 STAGE = "relight"
 PICTURE = "relit"
@@ -152,15 +158,10 @@ def relight_project(
 
 
 def changed_since(project: Project) -> tuple[str, ...]:
-    """What has changed since `appearance`. Raises InputError if the mesh has: what was recovered
-    is not where the cameras and the views are.
-    """
-    inputs = (project.load_record(APPEARANCE) or {}).get("inputs", {})
-    if inputs.get("mesh") != project.hash_of(project.mesh_path):
-        raise InputError(
-            f"{project.mesh_path} has changed since its surface was recovered; run"
-            f" `texproj run {project.root}` and `texproj appearance {project.root}`"
-        )
+    """What has changed since `appearance`. Raises InputError if the mesh has."""
+    root = project.root
+    work = f"`texproj run {root}` and `texproj appearance {root}`"
+    need_same_mesh(project, APPEARANCE, "its surface was recovered", work)
     reason = appearance_freshness(project).reason
     return (f"the surface was recovered before: {reason}",) if reason else ()
 

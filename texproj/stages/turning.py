@@ -18,6 +18,7 @@ from texproj.project import Project
 from texproj.render import ModelLook, model_pictures
 from texproj.report.pictures import around, on_backdrop
 from texproj.stages.bench import Workbench
+from texproj.stages.coloring import STAGE as COLOR
 from texproj.stages.coloring import remove_leftovers
 from texproj.stages.depicting import registered_cameras, written_model
 from texproj.stages.film_path import film_path
@@ -92,7 +93,8 @@ def turn_project(
 ) -> TurntableOutcome:
     """Render the model of the project once around, or to and fro where it is open at its back. It
     begins at the front, with up as in the photos; backs of faces are dark. Pictures of a longer
-    film before go. Raises InputError where there is no model yet, OutputError.
+    film before go. Raises InputError where there is no model yet, or one of another mesh,
+    OutputError.
     """
     project = bench.project
     written = written_model(project)
@@ -102,6 +104,7 @@ def turn_project(
             f"{project.root} has no model that can be shown; run `texproj color {project.root}`"
             + why
         )
+    need_same_mesh(project, COLOR, "it was colored", f"`texproj color {project.root}`")
     project.check_writable(project.out)
     cameras = registered_cameras(project.load_cameras())
     path = film_path(bench, cameras, options.frames)
@@ -117,6 +120,15 @@ def turn_project(
     replace_record(project, STAGE, options.film, names)
     notes = (*written.notes, *((path.note,) if path.note else ()))
     return TurntableOutcome(tuple(project.out / name for name in names), notes)
+
+
+def need_same_mesh(project: Project, stage: str, made: str, work: str) -> None:
+    """Raise InputError if the mesh has changed since a stage: what it made is not where the cameras
+    and the views are. made, work: words for what was done, and what to do.
+    """
+    inputs = (project.load_record(stage) or {}).get("inputs", {})
+    if inputs.get("mesh") != project.hash_of(project.mesh_path):
+        raise InputError(f"{project.mesh_path} has changed since {made}; run {work}")
 
 
 def replace_record(project: Project, stage: str, film: str, names: Sequence[str]) -> None:
