@@ -229,7 +229,7 @@ def test_cameras_json_keeps_a_fisheye():
     assert entry["model"] == "fisheye"
     assert record_of_entry(entry).intrinsics == lens(BENT)
     assert "model" not in entry_of_record(replace(record, intrinsics=lens(BENT).pinhole))
-    with pytest.raises(InputError, match="dist has 5 coefficients; one of 4, 8"):
+    with pytest.raises(InputError, match="dist has 5 coefficients; a fisheye lens has 4 or 8"):
         record_of_entry(entry | {"dist": [0.0] * 5})
 
 

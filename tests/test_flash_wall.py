@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from texproj.appearance.flash.lamp import ANGLE_SCALE, polynomial
+from texproj.appearance.flash.lamp import ANGLE_SCALE, Lamp, polynomial
 from texproj.appearance.wall.flash_fit import fit_flash
 from texproj.appearance.wall.wall_squares import wall_patches
 from texproj.camera import Camera, Intrinsics, Pose
@@ -19,7 +19,7 @@ from texproj.errors import InputError
 from texproj.photo import srgb_from_linear
 from texproj.stages import calibrating
 from texproj.stages.calibrating import SQUARES, board_picture
-from texproj.stages.flash_file import read_flash
+from texproj.stages.flash_file import flash_text, read_flash
 
 LAMP = np.array([0.06, -0.045, 0.01])
 AXIS = np.array([0.03, 0.05, 1.0]) / np.linalg.norm([0.03, 0.05, 1.0])
@@ -195,6 +195,24 @@ def test_the_command_writes_the_flash(wall_folder, project_folder, capsys, monke
     (project_folder / "flash.json").write_text(json.dumps(content))
     with pytest.raises(InputError, match=r"flash.json: lamp"):
         read_flash(project_folder / "flash.json")
+
+
+@pytest.mark.parametrize(
+    "slip",
+    [
+        {"lamp": [1e300, 0, 0]}, {"profile": [1e300, 1e300]}, {"vignetting": [-1e6]},
+        {"widest_deg": 0}, {"reach": -3}, {"intensity": 0},
+    ],
+)  # fmt: skip
+def test_a_flash_that_cannot_be_is_refused(slip, tmp_path):
+    """Else photos are said to be too few, or numbers overflow."""
+    (key,) = slip
+    text = flash_text(Lamp(np.array([0.05, 0, 0]), widest=0.8, reach=1.0), {})
+    (tmp_path / "flash.json").write_text(text)
+    assert read_flash(tmp_path / "flash.json").reach == 1
+    (tmp_path / "flash.json").write_text(json.dumps(json.loads(text) | slip))
+    with pytest.raises(InputError, match=f"flash.json: {key} = .* cannot be of a flash"):
+        read_flash(tmp_path / "flash.json")
 
 
 @pytest.mark.parametrize(

@@ -208,3 +208,10 @@ def test_what_registration_left_and_somebody_broke_is_named(tmp_path, left, word
     """Not kept in silence until it is needed: the key is named at once."""
     with pytest.raises(InputError, match=words):
         read_cameras(written(tmp_path, entry(**left)))
+
+
+@pytest.mark.parametrize(("model", "count"), [("perspective", 5), ("fisheye", 4)])
+def test_a_lens_without_a_distortion_has_none(tmp_path, model, count):
+    """Nobody is told of coefficients that he did not write."""
+    k = read_cameras(written(tmp_path, entry(model=model, dist=...))).records[0].intrinsics
+    assert (k.model, k.dist) == (model, (0.0,) * count)

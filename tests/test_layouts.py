@@ -216,6 +216,8 @@ def test_faces_over_several_tiles_have_no_place(tmp_path):
     pages, why = kept_pages(loaded(tmp_path / "r.glb"), UnwrapOptions())
     assert pages is None
     assert "no face" in why
+    with pytest.raises(InputError, match="no face of the mesh has a place in its texture"):
+        kept_pages(loaded(tmp_path / "r.glb"), UnwrapOptions(keep="on"))
 
 
 def test_a_mesh_without_coordinates_cannot_keep_them():
@@ -325,6 +327,9 @@ def test_missing_and_broken_images_are_one_sentence(obj):
     (obj.parent / "b.1001.png").write_bytes(b"no png")
     blue = read_mesh_file(obj).layout.materials[1]
     with pytest.raises(InputError, match="material 'blue'"):
+        read_picture(blue, 1001)
+    (obj.parent / "b.1001.png").write_bytes(b"")
+    with pytest.raises(InputError, match="material 'blue' is empty"):
         read_picture(blue, 1001)
 
 

@@ -533,3 +533,10 @@ def test_what_is_done_is_kept_when_the_work_is_interrupted(folder, monkeypatch):
     assert kept == {name: by_themselves(expected)[name] for name in ("a.png", "b.png")}
     states = registration_freshness(Project.open(folder))
     assert [state.fresh for state in states] == [True, True, False, False]
+
+
+def test_a_photo_that_cannot_be_read_is_named_once(made):
+    """Whoever tells the reason names the photo before it."""
+    reason = Project.open(made).load_cameras()["d.png"].quality["reason"]
+
+    assert reason.startswith("not a photo"), reason

@@ -1,8 +1,11 @@
 """The recovered surface in other light: on paper where paper tells, and the command."""
 
+import json
+
 import cv2
 import numpy as np
 import pytest
+from plyfile import PlyData, PlyElement
 
 from texproj.appearance.relight import (
     TONES,
@@ -21,11 +24,19 @@ from texproj.appearance.relight.split_sum import split_sum
 from texproj.appearance.relight.tone import metered
 from texproj.camera import Camera, Intrinsics, Pose
 from texproj.cli import main
-from texproj.errors import InputError
+from texproj.errors import InputError, UsageError
 from texproj.formats.environments import read_environment
+from texproj.formats.models.read_values import read_values
 from texproj.mesh import ColoredMesh
 from texproj.photo import srgb_from_linear
+from texproj.project import Project
 from texproj.render.rays import CPURenderer
+from texproj.stages.relighting import (
+    RelightOptions,
+    changed_since,
+    illumination,
+    photographed,
+)
 
 UP, AHEAD = np.array([0.0, 0, 1]), np.array([0.0, 1, 0])
 LENS = Intrinsics(48, 36, 60.0, 60.0, 24.0, 18.0)
@@ -190,3 +201,66 @@ def test_without_a_recovered_surface_it_says_what_to_do(project_folder, capsys):
     for wrong in ("--sun 85", "--sun x,1", "--lamp 1,2", "--lamp 1,2,0", "--ev 99", "--kelvin 90",
                   "--photo a --film gif"):  # fmt: skip
         assert main(["relight", str(project_folder), *wrong.split()]) == 2
+
+
+def appeared(project_folder, light):
+    """A project that seems to have been through `appearance`, with another light.json."""
+    project = Project.open(project_folder)
+    project.out.mkdir(exist_ok=True)
+    (project.out / "light.json").write_text(light)
+    return project
+
+
+SKY = [[1.0, 1, 1]] + [[0.0, 0, 0]] * 8
+
+
+@pytest.mark.parametrize(
+    "light",
+    [
+        {"sky": SKY, "sun": [1, 0], "sun_irradiance": [1, 1, 1]},
+        {"sky": SKY, "sun": [float("nan"), 0, 0], "sun_irradiance": [1, 1, 1]},
+        {"sky": SKY, "sun": [0, 0, 0], "sun_irradiance": [1, 1, 1]},
+        {"sky": SKY, "sun": [0, 0, 1], "sun_irradiance": None},
+        {"sky": [[float("inf")] * 3] * 9, "sun": None},
+        [],
+    ],
+)
+def test_a_light_that_cannot_be_is_none(project_folder, light):
+    with pytest.raises(InputError, match=r"light\.json tells of no sky"):
+        photographed(appeared(project_folder, json.dumps(light)))
+
+
+def test_a_sky_without_a_sun(project_folder):
+    light = {"sky": SKY, "sun": None}
+    sky, sun = photographed(appeared(project_folder, json.dumps(light)))
+    assert sky.tolist() == SKY
+    assert sun is None
+
+
+@pytest.mark.parametrize("sky", ["none", "dark.hdr"])
+def test_no_light_shows_nothing(project_folder, sky):
+    """A black picture would look as if it had worked."""
+    dark = str(project_folder / sky) if sky != "none" else sky
+    cv2.imwrite(str(project_folder / "dark.hdr"), np.zeros((16, 32, 3), np.float32))
+    options = RelightOptions(sky=dark)
+    with pytest.raises(UsageError, match="there is no light: the sky is"):
+        illumination(Project.open(project_folder), options, surface((1.0, 0.0)), [from_above()])
+
+
+def test_another_mesh_than_the_recovered_one_is_refused(project_folder):
+    """The picture would be empty, or show one thing from where another was photographed."""
+    project = Project.open(project_folder)
+    rest = {"outputs": {}, "used": [], "failed": {}, "light": {}}
+    project.save_record("appearance", None, {"inputs": {"mesh": "another"}, **rest})
+    with pytest.raises(InputError, match="has changed since its surface was recovered"):
+        changed_since(project)
+    now = {"mesh": project.hash_of(project.mesh_path)}
+    project.save_record("appearance", None, {"inputs": now, **rest})
+    assert changed_since(project)[0].startswith("the surface was recovered before: ")
+
+
+def test_values_that_cannot_be_are_refused(tmp_path):
+    values = np.array([(0.5,), (np.nan,)], [("roughness", "f4")])
+    PlyData([PlyElement.describe(values, "vertex")]).write(tmp_path / "a.ply")
+    with pytest.raises(InputError, match=r"a\.ply: roughness is not between 0 and 1"):
+        read_values(tmp_path / "a.ply", ["roughness"])

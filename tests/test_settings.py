@@ -1,5 +1,6 @@
 """project.toml: every key known, every value within its bounds, defaults from one place."""
 
+import re
 from dataclasses import fields
 
 import pytest
@@ -62,3 +63,18 @@ def test_every_option_is_documented(name):
     told = meanings(SECTIONS[name])
 
     assert [field.name for field in fields(SECTIONS[name]) if not told.get(field.name)] == []
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[output]\nfaces = 5000", "faces = 5000: must be a list"),
+        ('[color]\npreference = "always"', "preference = 'always': input should be a valid number"),
+    ],
+)
+def test_what_is_wrong_is_told_in_words_of_the_file(text, said):
+    """Not in those of the program's language."""
+    with pytest.raises(
+        UsageError, match=re.escape(f"p.toml [{text[1 : text.index(']')]}]: {said}")
+    ):
+        read_settings(text, "p.toml")

@@ -25,6 +25,9 @@ from texproj.records import CameraRecord, Method, Refinement, Status
 
 FORMAT = "texproj-cameras"
 VERSION = 1
+UNBENT: dict[LensModel, tuple[float, ...]] = {"perspective": (0.0,) * 5, "fisheye": (0.0,) * 4}
+"""Distortion of an entry that tells of none."""
+
 ROTATION_TOLERANCE = 1e-4
 """Largest error of R @ R.T against the identity; six printed digits stay well below."""
 START_KEY = "start"
@@ -68,7 +71,7 @@ class _Entry(BaseModel):
     height: Side
     status: Status = "registered"
     K: Matrix | None = None
-    dist: tuple[FiniteFloat, ...] = (0.0,) * 5
+    dist: tuple[FiniteFloat, ...] | None = None
     model: LensModel = "perspective"
     R: Matrix | None = None
     t: Row | None = None
@@ -244,14 +247,16 @@ def _intrinsics(where: str, entry: _Entry) -> Intrinsics | None:
         raise InputError(
             f"{where}: K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0"
         )
-    if len(entry.dist) not in LENGTHS[entry.model]:
+    lengths = LENGTHS[entry.model]
+    dist = UNBENT[entry.model] if entry.dist is None else entry.dist
+    if len(dist) not in lengths:
         raise InputError(
-            f"{where}: dist has {len(entry.dist)} coefficients;"
-            f" one of {', '.join(map(str, LENGTHS[entry.model]))} is needed"
+            f"{where}: dist has {len(dist)} coefficients; a {entry.model} lens has"
+            f" {' or '.join(map(str, lengths))}"
         )
     focal, center = (K[0, 0], K[1, 1]), (K[0, 2], K[1, 2])
     size = entry.width, entry.height
-    return checked_intrinsics(*size, focal, center, entry.dist, where, entry.model)
+    return checked_intrinsics(*size, focal, center, dist, where, entry.model)
 
 
 def _pose(where: str, entry: _Entry) -> Pose | None:

@@ -39,10 +39,14 @@ def read_environment(path: Path) -> Floats:
 def _radiance(path: Path) -> Floats:
     """Radiance's RGBE, by OpenCV."""
     data = np.frombuffer(read_bytes(path, MOST_BYTES), np.uint8)
+    level = cv2.utils.logging.getLogLevel()
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # it is told below
     try:
         picture = cv2.imdecode(data, cv2.IMREAD_ANYDEPTH | cv2.IMREAD_COLOR)
     except cv2.error:
         picture = None
+    finally:
+        cv2.utils.logging.setLogLevel(level)
     if picture is None or picture.dtype != np.float32:
         raise InputError(f"{path}: damaged, or no Radiance picture; save it again")
     height, width = picture.shape[:2]

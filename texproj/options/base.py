@@ -24,6 +24,13 @@ Positive = Annotated[float, Field(gt=0)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
 
 
+_KINDS = ("constrained-float",)
+"""What pydantic calls one of several kinds of values that an option may have."""
+
+_WORDS = {"tuple_type": "must be a list: [1, 2, 3], say"}
+"""By kind of error, where pydantic speaks of Python."""
+
+
 def is_expert(cls: type, name: str) -> bool:
     """Whether an option of `cls` is for experts."""
     return EXPERT in vars(cls)["__pydantic_fields__"][name].metadata
@@ -60,7 +67,7 @@ def options_from(cls: type[T], values: dict[str, Any], where: str) -> T:
         return TypeAdapter(cls).validate_python(values)
     except ValidationError as error:
         first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
+        key = ".".join(str(part) for part in first["loc"] if part not in _KINDS)
         given = repr(first["input"]) if len(repr(first["input"])) < 60 else excerpt(first["input"])
-        message = f"{where}: {key} = {given}: {first['msg'].lower()}"
+        message = f"{where}: {key} = {given}: {_WORDS.get(first['type'], first['msg'].lower())}"
         raise UsageError(message) from None

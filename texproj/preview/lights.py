@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import numpy as np
 
-from texproj.appearance.harmonics import BASES, OPEN_GAINS, basis
+from texproj.appearance.harmonics import OPEN_GAINS, basis
 from texproj.appearance.light.color_temperature import rgb_of_kelvin
 from texproj.appearance.relight.environment import Environment, all_directions, overcast
 from texproj.arrays import Doubles
+from texproj.errors import InputError
 from texproj.preview.surface import Surface
 from texproj.project import Project
 from texproj.report.pictures import frame_of
-from texproj.stages.appearance_files import LIGHT
 from texproj.stages.depicting import registered_cameras
-from texproj.stages.relighting import SKY_LUX, SUN_LUX
+from texproj.stages.relighting import SKY_LUX, SUN_LUX, photographed
 
 KELVIN = tuple(range(2000, 12001, 250))
 """Colors of the sun that can be chosen."""
@@ -60,20 +59,10 @@ def _irradiance(sky: Environment) -> Doubles:
 def _found(project: Project) -> tuple[Doubles, dict[str, Any] | None] | None:
     """The sky (9, 3) and the sun that light.json tells of; None where there is none."""
     try:
-        told = json.loads((project.out / LIGHT).read_text(encoding="utf-8"))
-        sky = np.array(told["sky"], np.float64).reshape(BASES, 3)
-        sun = told["sun"] and {
-            "direction": _vector(told["sun"]),
-            "irradiance": _vector(told["sun_irradiance"]),
-        }
-    except (OSError, ValueError, KeyError, TypeError):
+        sky, sun = photographed(project)
+    except InputError:
         return None
-    return (OPEN_GAINS[:, None] * sky, sun) if np.isfinite(sky).all() else None
-
-
-def _vector(told: Any) -> list[float]:
-    """(3,) finite numbers. Raises ValueError or TypeError for anything else."""
-    vector = np.array(told, np.float64).reshape(3)
-    if not np.isfinite(vector).all():
-        raise ValueError("not finite")
-    return [float(x) for x in vector]
+    told = None
+    if sun is not None:
+        told = {"direction": sun.toward.tolist(), "irradiance": sun.illuminance.tolist()}
+    return OPEN_GAINS[:, None] * sky, told

@@ -126,7 +126,9 @@ def record_of(job: Job, found: Search, why: dict[str, Any]) -> CameraRecord:
         status: Status = "prior" if start.status == "registered" else start.status
         start = replace(start, status=status, extra={}, refinement=None)
     if found.fit is None:
-        reason = found.reason.replace(f"{job.name}: ", "")  # whoever tells it names the photo
+        reason = found.reason  # whoever tells it names the photo
+        for named in (job.project.photo_path(job.name), job.name):
+            reason = reason.replace(f"{named}: ", "")
         quality = {"reason": reason, **why}
         return failed_record(job.project, job.name, start, quality)
     make = registered_record if found.fit.accepted else refused_record

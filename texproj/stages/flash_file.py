@@ -20,6 +20,12 @@ if TYPE_CHECKING:
 
 FORMAT: Literal["texproj-flash"] = "texproj-flash"
 Vector = tuple[float, float, float]
+FARTHEST = 1e6
+"""Of a flash from its lens, units of the scan: more is a slip of the pen, and single precision ends
+at it.
+"""
+STEEPEST = 1e3
+"""Coefficient of log light; measured ones are below 10."""
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -61,13 +67,27 @@ def read_flash(path: Path) -> Lamp:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])
         raise InputError(
-            f"{path}: {key or 'it'} is not as `texproj calibrate-flash` writes it:"
-            f" {first['msg'].lower()}; write it anew"
+            f"{path}: {key or 'it'} is not as `texproj calibrate-flash` writes it"
+            f"{': ' + first['msg'].lower() if key else ''}; write it anew"
         ) from None
     numbers = (*told.lamp, *told.axis, *told.profile, *told.vignetting, told.widest_deg, told.reach)
     axis = np.array(told.axis)
     if not np.isfinite(numbers).all() or not axis.any():
         raise InputError(f"{path}: a number is not finite; write it anew")
+    bounds = {
+        "lamp": max(map(abs, told.lamp)) <= FARTHEST,
+        "profile": all(abs(number) <= STEEPEST for number in told.profile),
+        "vignetting": all(abs(number) <= STEEPEST for number in told.vignetting),
+        "widest_deg": 0 < told.widest_deg <= 180,
+        "reach": told.reach > 0,
+        "intensity": told.intensity is None or 0 < told.intensity < np.inf,
+    }
+    wrong = [key for key, right in bounds.items() if not right]
+    if wrong:
+        raise InputError(
+            f"{path}: {wrong[0]} = {getattr(told, wrong[0])} cannot be of a flash; write it anew by"
+            " `texproj calibrate-flash`"
+        )
     widest = float(np.cos(np.radians(told.widest_deg)))
     return Lamp(
         np.array(told.lamp), axis / np.linalg.norm(axis), told.profile, widest, told.vignetting,

@@ -76,6 +76,9 @@ def filled_from_mesh(bench: Workbench, texture: Texture) -> Texture:
         try:
             return read_picture(layout.materials[material], tile)
         except InputError as error:
-            raise InputError(f"{bench.project.mesh_path}: {error}") from None
+            raise InputError(
+                f"{bench.project.mesh_path}: {error}; copy the image again, or set fill ="
+                ' "around" in [color]'
+            ) from None
 
     return with_old_texture(mesh, texture, layout, picture)

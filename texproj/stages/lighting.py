@@ -69,8 +69,10 @@ def lamp_of(project: Project) -> Lamp:
             " `lamp`, its place right of the lens, below and in front of it, in units of the scan,"
             " or `flash`, the file of `texproj calibrate-flash`"
         )
+    from texproj.stages.flash_file import FARTHEST  # noqa: PLC0415 - slow to load
+
     place = np.array(options.lamp, float)
-    if not np.isfinite(place).all():
+    if not (np.abs(place) <= FARTHEST).all():
         raise InputError(
             f"{project.root / 'project.toml'}: [light] `lamp` = {list(options.lamp)} is no place;"
             " give three numbers in units of the scan"

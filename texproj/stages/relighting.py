@@ -38,6 +38,7 @@ from texproj.project import Project
 from texproj.report.pictures import around, frame_of, on_backdrop
 from texproj.stages.appearance_files import LIGHT, MODEL_GLB, PLY
 from texproj.stages.appearing import STAGE as APPEARANCE
+from texproj.stages.appearing import appearance_freshness
 from texproj.stages.bench import Workbench
 from texproj.stages.depicting import registered_cameras
 from texproj.stages.film_path import film_path
@@ -131,6 +132,7 @@ def relight_project(
     """
     project = bench.project
     surface = recovered_surface(project)
+    changed = changed_since(project)
     cameras = registered_cameras(project.load_cameras())
     project.check_writable(project.out)
     views, of_frame, notes = _views(bench, options, cameras)
@@ -146,7 +148,21 @@ def relight_project(
     replace_record(project, STAGE, names[0].rsplit(".", 1)[-1], names)
     assert exposure is not None  # there is a first picture
     files = tuple(project.out / name for name in names)
-    return RelightOutcome(files, ev_of_exposure(exposure), notes)
+    return RelightOutcome(files, ev_of_exposure(exposure), notes + changed)
+
+
+def changed_since(project: Project) -> tuple[str, ...]:
+    """What has changed since `appearance`. Raises InputError if the mesh has: what was recovered
+    is not where the cameras and the views are.
+    """
+    inputs = (project.load_record(APPEARANCE) or {}).get("inputs", {})
+    if inputs.get("mesh") != project.hash_of(project.mesh_path):
+        raise InputError(
+            f"{project.mesh_path} has changed since its surface was recovered; run"
+            f" `texproj run {project.root}` and `texproj appearance {project.root}`"
+        )
+    reason = appearance_freshness(project).reason
+    return (f"the surface was recovered before: {reason}",) if reason else ()
 
 
 def recovered_surface(project: Project) -> LitSurface:
@@ -193,36 +209,63 @@ def illumination(
         away = (place.diagonals or 1) * surface.mesh.diagonal
         middle = surface.mesh.center + away * toward(place)
         lamps.append(Lamp(middle, LAMP_LUX * away**2 * color))
-    sky = options.sky or (NO_SKY if lamps and not suns else OVERCAST)
+    sky = options.sky
+    if sky is None:
+        sky = NO_SKY if lamps and not suns else OVERCAST
     environment = None
     if sky == OVERCAST:
         environment = overcast(up, -level, SKY_LUX)
     elif sky == PHOTOGRAPHED:
-        environment, more = _photographed(project, up, -level)
-        suns += more
+        radiance, sun = photographed(project)
+        environment = _sky_of(radiance, up, -level)
+        suns += [sun] if sun else []
     elif sky != NO_SKY:
         environment, direction, light = Environment(
             read_environment(Path(sky)), up, -level
         ).parted()
         suns += [] if direction is None or light is None else [Sun(direction, light)]
+    if not (suns or lamps or (environment and environment.radiance.any())):
+        raise UsageError(
+            f"there is no light: the sky is {'dark' if environment else NO_SKY}; give --sun or"
+            " --lamp, or another --sky"
+        )
     return Illumination(environment, tuple(suns), tuple(lamps))
 
 
-def _photographed(project: Project, up: Doubles, ahead: Doubles) -> tuple[Environment, list[Sun]]:
-    """The light that `appearance` found."""
+def photographed(project: Project) -> tuple[Doubles, Sun | None]:
+    """The light that `appearance` found: the sky (9, 3), spherical harmonics of linear RGB in the
+    scan's frame, and the sun. Raises InputError where light.json tells of none.
+    """
     path = project.out / LIGHT
     try:
         told = json.loads(path.read_text(encoding="utf-8"))
         sky = np.array(told["sky"], np.float64).reshape(BASES, 3)
-        sun = told["sun"] and Sun(np.array(told["sun"]), np.array(told["sun_irradiance"]))
-    except (OSError, ValueError, KeyError, TypeError):
+        toward, light = told["sun"], told.get("sun_irradiance")
+        sun = Sun(_vector(toward), _vector(light)) if toward is not None else None
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        sky, sun = np.full((BASES, 3), np.nan), None
+    if not np.isfinite(sky).all() or (sun is not None and not sun.toward.any()):
         raise InputError(
             f"{path} tells of no sky; natural light is shown again only where it was found"
-        ) from None
+        )
+    return sky, sun
+
+
+def _vector(told: Any) -> Doubles:
+    """(3,) finite numbers. Raises ValueError or TypeError for anything else."""
+    vector: Doubles = np.array(told, np.float64).reshape(3)
+    if not np.isfinite(vector).all():
+        raise ValueError("not finite")
+    return vector
+
+
+def _sky_of(harmonics: Doubles, up: Doubles, ahead: Doubles) -> Environment:
+    """The picture of a sky that is told by spherical harmonics (9, 3) in the scan's frame."""
     local, _ = all_directions(64, 32)
     world = local @ np.stack([np.cross(ahead, up), up, ahead]).astype(np.float32)
-    radiance: Floats = np.maximum(basis(world.reshape(-1, 3)) @ sky, 0).astype(np.float32)
-    return Environment(radiance.reshape(32, 64, 3), up, ahead), [sun] if sun else []
+    seen = basis(world.reshape(-1, 3)) @ harmonics
+    radiance: Floats = np.maximum(seen, 0).astype(np.float32)
+    return Environment(radiance.reshape(32, 64, 3), up, ahead)
 
 
 def _views(

@@ -22,6 +22,9 @@ SHARED, HOMELESS = 0.002, 0.01
 """Part of the texture that several faces share, and part of the surface that has no place in it,
 up to which "auto" keeps a layout: exporters leave a few slivers."""
 
+ALL = 1 - 1e-9
+"""Of the surface, up to rounding."""
+
 SMALLEST_PAGE = 16
 """Texels along a side."""
 
@@ -103,6 +106,11 @@ def kept_pages(mesh: Mesh, options: UnwrapOptions) -> tuple[Pages | None, str]:
         return None, "the mesh's own texture coordinates are not used, as [unwrap] says"
     pages = pages_of(mesh.layout)
     fitness = fitness_of(mesh, mesh.layout, pages)
+    if options.keep == "on" and fitness.homeless >= ALL:
+        raise InputError(
+            'keep = "on" in [unwrap]: no face of the mesh has a place in its texture coordinates,'
+            ' they are points or lines or reach over tiles; set it to "auto"'
+        )
     if not pages.names:
         return None, "no face of the mesh has a place in a tile; the texture has its own layout"
     if options.keep == "auto" and fitness.fault:

@@ -30,6 +30,8 @@ def read_picture(material: Material, tile: int) -> NDArray[Any] | None:
     image = material.image
     if isinstance(image, Path):
         image = read_bytes(picture_of_tile(image, tile), MOST_BYTES)
+    if not image:
+        raise InputError(f"the texture of material {material.name!r} is empty")
     try:
         with foreign_parser():
             pixels = cv2.imdecode(
