@@ -142,13 +142,13 @@ NAN = float("nan")
 @pytest.mark.parametrize(
     ("vertices", "faces", "code"),
     [
-        ([*TRIANGLE, (NAN, 0, 0)], [(0, 1, 2), (1, 2, 3)], 0),
-        ([*TRIANGLE, (float("inf"), 0, 0)], [(0, 1, 2), (1, 2, 3)], 0),
+        ([*TRIANGLE, (NAN, 0, 0)], [(0, 1, 2), (1, 2, 3)], 2),
+        ([*TRIANGLE, (float("inf"), 0, 0)], [(0, 1, 2), (1, 2, 3)], 2),
         ([(NAN, NAN, NAN)] * 3, [(0, 1, 2)], 2),
         (TRIANGLE, [], 2),
         ([(0, 0, 0)], [(0, 0, 0)], 2),
         (TRIANGLE, [(0, 1, 7), (0, 1, -2)], 2),
-        ([(x + 1000, y, z) for x, y, z in TRIANGLE], [(0, 1, 2)], 0),
+        ([(x + 1000, y, z) for x, y, z in TRIANGLE], [(0, 1, 2)], 2),
     ],
 )
 def test_a_mesh_with_something_wrong(folder, capsys, vertices, faces, code):

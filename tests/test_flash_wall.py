@@ -17,6 +17,7 @@ from texproj.camera import Camera, Intrinsics, Pose
 from texproj.cli import main
 from texproj.errors import InputError
 from texproj.photo import srgb_from_linear
+from texproj.stages import calibrating
 from texproj.stages.calibrating import SQUARES, board_picture
 from texproj.stages.flash_file import flash_text, read_flash
 
@@ -131,8 +132,8 @@ def test_a_few_photos_are_not_enough():
 
 @pytest.fixture
 def wall_folder(tmp_path):
-    """Photos of the wall with the board on it, 4 cm a square."""
-    folder, square = tmp_path / "wall", 0.03
+    """Photos of the wall with the board on it, 6 cm a square."""
+    folder, square = tmp_path / "wall", 0.06
     folder.mkdir()
     board = board_picture() / 255.0
     per_m = board.shape[1] / (SQUARES[0] * square)
@@ -152,10 +153,33 @@ def wall_folder(tmp_path):
     return folder
 
 
-def test_the_command_writes_the_flash(wall_folder, project_folder, capsys):
-    """From the board's poses; a project that names the file knows the lamp from it."""
+def seen_exactly(shots, square):
+    """The true cameras in the frame of the board, whose y is down and z into the wall."""
+    known = {f"{number:02}.png": camera for number, camera in enumerate(wall()[0])}
+    turn, middle = np.diag([1.0, -1, -1]), np.array(SQUARES) * square / 2
+    cameras = []
+    for shot in shots:
+        camera = known[shot.name]
+        moved = camera.pose.R @ [-middle[0], middle[1], 0] + camera.pose.t
+        cameras.append(Camera(camera.intrinsics, Pose(camera.pose.R @ turn, moved)))
+    return cameras, 0.1
+
+
+def test_a_board_seen_too_small_is_refused(wall_folder, project_folder, capsys):
+    """At 480 pixels its poses are some milliradians off, too much to part flash and lens."""
     code = main(
-        ["calibrate-flash", str(project_folder), "--wall", str(wall_folder), "--square", "0.03"]
+        ["calibrate-flash", str(project_folder), "--wall", str(wall_folder), "--square", "0.06"]
+    )
+    assert code == 2
+    assert not (project_folder / "flash.json").exists()
+    assert "the photos show more than an evenly white wall" in capsys.readouterr().err
+
+
+def test_the_command_writes_the_flash(wall_folder, project_folder, capsys, monkeypatch):
+    """A board seen exactly; a project that names the file knows the lamp from it."""
+    monkeypatch.setattr(calibrating, "_cameras", seen_exactly)
+    code = main(
+        ["calibrate-flash", str(project_folder), "--wall", str(wall_folder), "--square", "0.06"]
     )
 
     said = capsys.readouterr()

@@ -116,7 +116,7 @@ def test_few_photos_or_one_processor_need_no_process(bench, jobs, monkeypatch):
 
 
 def test_processes_are_as_many_as_memory_holds(monkeypatch):
-    monkeypatch.setattr(beside, "cpu_count", lambda: 16)
-    monkeypatch.setattr(beside, "virtual_memory", lambda: SimpleNamespace(available=4 << 30))
+    monkeypatch.setattr("loky.cpu_count", lambda: 16)
+    monkeypatch.setattr("psutil.virtual_memory", lambda: SimpleNamespace(available=4 << 30))
     assert beside._workers(10_000) == 10
     assert beside._workers(5_000_000) == 1

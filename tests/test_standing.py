@@ -79,7 +79,7 @@ def test_positions_in_the_file_are_those_of_the_scan(tmp_path):
 
         assert [sorted(node) for node in nodes] == (
             [["mesh", "name"]] if up == "y" else
-            [["children", "name", "rotation", "scale"], ["mesh", "name"]]
+            [["mesh", "name"], ["children", "name", "rotation", "scale"]]
         )  # fmt: skip
 
     assert chunks[0] == chunks[1]

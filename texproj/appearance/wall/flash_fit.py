@@ -208,5 +208,8 @@ class _Task:
         left = terms * self.root[:, None]
         pull = RIDGE * len(terms) * np.eye(terms.shape[1])
         pull[: patches.photos] = 0
-        coefficients = np.linalg.solve(left.T @ left + pull, left.T @ (wanted * self.root))
+        normal, right = left.T @ left + pull, left.T @ (wanted * self.root)
+        coefficients = np.linalg.lstsq(normal, right)[
+            0
+        ]  # an angle that no photo shows tells nothing
         return coefficients, wanted - terms @ coefficients

@@ -50,7 +50,7 @@ SYSTEMATIC = 0.001
 """What light from one side shifts, as a share of the width (synthetic matte objects)."""
 LEAST_SUPPORT, ENOUGH_PATCHES = 0.1, 100
 """Share of structure in place below which the result is by chance, if there are so many patches."""
-MIRROR_MARGIN = 1.02
+MIRROR_MARGIN = 1.04
 """How much more the mesh must tell about the photo than about its mirror image: 1.05 and more for
 right photos of nearly symmetric pieces; .97 and less for mirrored ones where the search for the
 mirror image succeeds (synthetic)."""
