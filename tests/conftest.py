@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from filelock import FileLock
 
+os.environ["LOKY_MAX_CPU_COUNT"] = "1"  # tests themselves run beside each other
+
 CHECKOUT = Path(__file__).resolve().parent.parent
 
 

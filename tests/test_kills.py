@@ -20,7 +20,7 @@ def finished(demo_folder, tmp_path_factory):
     return root, kills.result(whole), int(done.stdout.split()[-1])
 
 
-@pytest.mark.parametrize("part", [0.1, 0.5, 0.9])
+@pytest.mark.parametrize("part", [0.1, 0.8])
 def test_a_kill_at_a_rename_does_no_harm(finished, part):
     """The next run ends well, leaves no temporary file and has registered the same photos."""
     root, right, renames = finished
