@@ -140,6 +140,7 @@ def test_what_is_made_can_be_taken_away(root, page):
     link.wait_for()
     with page.context.expect_page() as found:
         link.click()
+    found.value.wait_for_load_state()
     assert found.value.title() == "told"
     asked = "fetch('/api/project').then(() => 'answered', () => 'refused')"
     assert found.value.evaluate(asked) == "refused"
