@@ -316,13 +316,6 @@ def test_spoiled_files_are_read_or_refused_but_never_crash(tmp_path, suffix):
             assert "\n" not in str(error)
 
 
-@pytest.mark.parametrize("name", ["KHR_draco_mesh_compression", "EXT_meshopt_compression"])
-def test_a_compressed_glb_is_named_as_such(tmp_path, name):
-    (tmp_path / "c.glb").write_bytes(glb_without_geometry(extensionsRequired=[name]))
-    with pytest.raises(InputError, match=rf"c\.glb: compressed by {name}"):
-        read_mesh(tmp_path / "c.glb")
-
-
 XYZ = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [5, 5, 5]], "<f4")
 CORNERS = np.array([0, 1, 2, 3], "<u2")
 
