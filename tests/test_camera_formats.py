@@ -34,6 +34,9 @@ BROUGHT = {
     "table-flight": ("table", "reference.csv", "IMG_0001.JPG"),
     "metashape-old": ("metashape", "cameras.xml", "IMG_0001.JPG"),
     "micmac": ("micmac", "", "IMG 0001.JPG"),
+    "opf-fisheye": ("opf", "project.opf", "/c:/data/images/IMG 0001.JPG"),
+    "blocks-exchange-fisheye": ("blocks-exchange", "AT.xml", "D:/survey/photos/IMG_0001.JPG"),
+    "micmac-fisheye": ("micmac", "", "IMG 0001.JPG"),
     "nerfstudio-poses": (
         "nerfstudio-poses", "transforms_train.json", "/data/statue/images/frame_00001.png"
     ),
@@ -68,6 +71,31 @@ def projected(kind, folder, point):
 def camera_of(fx, fy, cx, cy, dist):
     pose = Pose.look_at((-2.0, -4.5, 2.1), (0.1, 0, 0.2), (0.2, 0, 1))
     return Camera(Intrinsics(*SIZE, fx, fy, cx, cy, dist), pose)
+
+
+ROUND = {
+    "opf": (0.03, -0.01, 0.002, 0), "blocks-exchange": (0.03, -0.01, 0.002, 0),
+    "micmac": (0.03, -0.01, 0.002, -0.001, 0.002, -0.003, 0, 0),
+}  # fmt: skip
+"""Fisheyes that a format holds, whole or within `MOST_PX`."""
+
+
+@pytest.mark.parametrize("kind", ROUND)
+def test_fisheyes_that_we_write_mean_our_camera(kind, tmp_path):
+    """By the format's definition, 65 degrees off the axis."""
+    k = Intrinsics(*SIZE, 410, 410, 507, 366, ROUND[kind], "fisheye")
+    camera = Camera(k, Pose.look_at((-0.6, -1.35, 0.63), (0.1, 0, 0.2), (0.2, 0, 1)))
+    notes = put(kind, tmp_path, camera).notes
+    ours, depth = camera.project(POINTS)
+    seen = np.isfinite(ours).all(axis=1)
+    told = [projected(kind, tmp_path, point) for point in POINTS[seen]]
+
+    assert (
+        np.degrees(np.arccos((depth / np.linalg.norm(POINTS - camera.center, axis=1))[seen])).max()
+        > 60
+    )
+    np.testing.assert_allclose(told, ours[seen], rtol=0, atol=MOST_PX)
+    assert all("no place" not in note for note in notes.values())
 
 
 def put(kind, folder, camera, *names):
@@ -135,7 +163,7 @@ def test_photos_without_a_whole_pose_are_refused():
     model = READERS["blocks-exchange"](SAMPLES / "blocks-exchange" / "AT.xml", size_of)
     assert "position alone" in model.refused["D:/survey/photos/IMG_0002.JPG"]
     model = READERS["opf"](SAMPLES / "opf" / "calibrated_cameras.json", size_of)
-    assert "fisheye" in model.refused["IMG_0002.JPG"] and "shifted" in model.notes[0]
+    assert "spherical" in model.refused["IMG_0002.JPG"] and "shifted" in model.notes[0]
     model = READERS["table"](SAMPLES / "table-flight" / "reference.csv", size_of)
     assert "empty" in model.refused["IMG_0002.JPG"]
 
