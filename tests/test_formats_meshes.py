@@ -434,8 +434,8 @@ def test_a_mesh_that_brings_texture_coordinates_is_told_of(tmp_path, name):
     mesh = read_mesh_file(tmp_path / name)
     assert len(mesh.faces) == 1
     told = ["not used" in note or "cannot be used" in note for note in mesh.notes]
-    assert told == ([] if name == "t.obj" else [True])
-    assert (mesh.layout is not None) == (name == "t.obj")
+    assert told == ([True] if name == "t.gltf" else [])
+    assert (mesh.layout is not None) == (name != "t.gltf")
     (tmp_path / "plain.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     assert read_mesh_file(tmp_path / "plain.obj").notes == ()
     assert read_mesh_file(tmp_path / "plain.obj").layout is None

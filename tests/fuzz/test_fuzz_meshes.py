@@ -34,6 +34,13 @@ PLY = (
     "property list uchar int vertex_indices\nend_header\n"
     "0 0 0 1\n1 0 0 2\n0 1 0 3\n0 0 1 4\n3 0 1 2\n4 0 1 2 3\n",
 )
+TEXTURED_PLY = (
+    "ply\nformat ascii 1.0\ncomment TextureFile a.png\nelement vertex 4\nproperty float x\n"
+    "property float y\nproperty float z\nproperty float s\nproperty float t\nelement face 2\n"
+    "property list uchar int vertex_indices\nproperty list uchar float texcoord\n"
+    "property int texnumber\nend_header\n0 0 0 0 0\n1 0 0 1 0\n0 1 0 0 1\n0 0 1 1 1\n"
+    "3 0 1 2 6 0 0 .5 0 .5 .5 0\n4 0 1 2 3 8 0 0 1 0 1 1 0 1 0\n"
+)
 TEXTURED_OBJ = (
     "mtllib a.mtl\no one\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 1\nvt 1 1\nvt 0 0\nusemtl a\n"
     "f 1/1 2/2 3/3\n"
@@ -90,6 +97,12 @@ def test_off(place, data):
 def test_text_ply(place, data):
     """Whatever the header promises."""
     refused_or_read(read_and_repair, place / "a.ply", data, "read_mesh ply")
+
+
+@given(broken_text((TEXTURED_PLY, TEXTURED_PLY.replace("list uchar float texcoord", "int flags"))))
+def test_textured_ply(place, data):
+    """Coordinates at the corners and at the vertices."""
+    refused_or_read(read_and_repair, place / "t.ply", data, "read_mesh textured ply")
 
 
 @given(st.deferred(lambda: broken_bytes((sound("stl"), STL.encode()))))

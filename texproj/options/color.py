@@ -89,7 +89,7 @@ class UnwrapOptions:
     """How the surface is cut into charts and laid out on the pages of the texture."""
 
     keep: Literal["auto", "on", "off"] = "auto"
-    """Texture coordinates that the mesh (glb, gltf, obj) brings are the texture's, with materials,
+    """Texture coordinates that the mesh brings are the texture's, with materials,
     tiles and names. "auto": where every face has a place of its own; "on": shared places are
     painted once, and it is an error to have none; "off": never."""
 
