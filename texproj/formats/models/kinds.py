@@ -21,7 +21,7 @@ class ModelKind:
 MODEL_KINDS = (
     ModelKind(
         "glb", "model.glb", "texture, patches, vertices",
-        "png, jpeg, webp, ktx2", "glTF validator, three.js",
+        "png, jpeg, webp, ktx2", "validator, three.js",
     ),
     ModelKind(
         "usdz", "model.usdz", "texture, patches", "png, jpeg",
