@@ -50,8 +50,9 @@ def import_(
     json: Json = False,
     verbose: Verbose = False,
 ) -> int:
-    """Take cameras from another program: COLMAP, Metashape, RealityScan, MeshLab, others; or the
-    named points of the picks (MeshLab's .pp).
+    """Take cameras from another program: COLMAP, Metashape, RealityScan, MeshLab, others.
+
+    Points that were named in MeshLab (.pp) complete picks that name them.
 
     Example: texproj import statue sparse/0
     """
