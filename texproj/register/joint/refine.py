@@ -47,8 +47,8 @@ COARSE, FINE = Density(32, 300), Density(48, 700)
 """Patches at the working size and at twice that. At the end, of one scene from a calibrated lens:
 all photos .75 px off with 300, .72 with these, .67 with 1300 in twice the time."""
 MOST_TIES, LEAST_OF_PAIR = 400_000, 32
-"""Patches sought of all pairs together, 130 bytes each, and of one pair nevertheless: with a thousand
-photos, each compared with eight others, a photo still has eight hundred."""
+"""Patches sought of all pairs together, 130 bytes each, and of one pair nevertheless: of a thousand
+photos, each compared with eight others, one still has eight hundred."""
 TIE_SIGMA_PX = 0.5
 """Noise of a tie, working pixels: what well registered photos of real scenes show."""
 TIE_LOSS = Loss("cauchy", 1.5)
