@@ -11,7 +11,9 @@ from texproj.camera import Intrinsics, Pose
 from texproj.project import Project
 from texproj.records import THROUGH, CameraRecord
 from texproj.stages.entries import refined_entry
-from texproj.stages.lineage import STAGE, Neighborhood, Sources, Trace, inputs, own_cameras
+from texproj.stages.lineage import Sources, inputs, own_cameras
+from texproj.stages.neighborhood import Neighborhood
+from texproj.stages.traces import STAGE, Trace
 
 LENS = Intrinsics(60, 40, 55.0, 55.0, 30.0, 20.0)
 MESH = """ply
@@ -57,7 +59,7 @@ def make_scale_project(root: Path, count: int) -> Project:
     near = Neighborhood(project.photo_names, good, {})
     for name, entry in entries.items():
         tried = ("structure",) if entry.method == "structure" else ("structure", "features")
-        read = inputs(sources, entry, tried, (), cameras, lambda n: near.around(n, ()))
+        read = inputs(sources, entry, tried, (), cameras, lambda n: near.around(n, lambda _: False))
         project.save_record(STAGE, name, Trace("auto", tried, (), read).as_dict())
     project.save_hashes()
     return project

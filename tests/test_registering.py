@@ -321,13 +321,13 @@ def test_the_photo_with_most_evidence_comes_first():
     wave = Wave(evidence.__getitem__, strength.__getitem__, lambda name: name == "d")
     for name in "abcd":
         wave.add(name)
-    wave.look()
+    wave.look("abcd")
     order = [wave.next() for _ in range(4)]
 
     assert order == ["b", "c", "a", "d"] and wave.next() is None
     evidence["a"] |= {("b", "1")}
     wave.drop("b")
-    wave.look()
+    wave.look("ab")
     assert wave.next() == "a" and wave.next() is None and wave.left == ["a", "c", "d"]
 
 
