@@ -9,12 +9,14 @@ from itertools import chain
 from texproj.records import CameraRecord
 from texproj.stages.methods import MOST_COMPARED
 
+IN_TURN = 8
+"""Names before and after that of a photo which count as next to it: photos are taken in turn."""
+
 
 class Neighborhood:
     """The photos in the order of their names, and which of those around one are registered.
 
-    registered: their names; companions: by photo, the others that show the same, the
-    best first.
+    registered: their names; companions: by photo, the others that show the same, the best first.
     """
 
     def __init__(
@@ -36,6 +38,7 @@ class Neighborhood:
     @companions.setter
     def companions(self, known: Mapping[str, Sequence[str]]) -> None:
         self._companions = known
+        self._unknown = [name for name in self._names if name not in known]
         self._companion_of: dict[str, list[str]] = {}
         for name, others in known.items():
             for other in others:
@@ -43,29 +46,25 @@ class Neighborhood:
 
     def around(self, name: str, apart: Callable[[str], bool]) -> tuple[str, ...]:
         """The registered photos that are next to `name`, without `name` and those `apart`: first
-        those that show the same, then those whose names are next to it.
+        those that show the same, then those whose names are next to it, however far away where it
+        is not known who shows the same.
         """
         found: dict[str, None] = {}
-        for other in chain(self._showing_the_same(name), self._outwards(self._rank[name])):
+        apart_by = IN_TURN if name in self._companions else len(self._names)
+        by_name = self._outwards(self._rank[name], apart_by)
+        for other in chain(self._showing_the_same(name), by_name):
             if other != name and not apart(other):
                 found[other] = None
                 if len(found) == MOST_COMPARED:
                     break
         return tuple(found)
 
-    def reach(self, name: str, counts: Callable[[str], bool]) -> Iterator[str]:
-        """The photos around which `name` may be found, more rather than fewer: those that show the
-        same, and those with fewer than `MOST_COMPARED` registered photos between it and them of
-        those that count for everybody.
-        """
+    def reach(self, name: str) -> Iterator[str]:
+        """The photos, or a few more, around which `name` may be."""
         yield from self._companion_of.get(name, ())
-        for step in (-1, 1):
-            rank, between = self._rank[name] + step, 0
-            while 0 <= rank < len(self._names) and between < MOST_COMPARED:
-                other = self._names[rank]
-                yield other
-                between += self.has(other) and counts(other)
-                rank += step
+        rank = self._rank[name]
+        yield from self._names[max(rank - IN_TURN, 0) : rank + IN_TURN + 1]
+        yield from self._unknown
 
     def _showing_the_same(self, name: str) -> Iterator[str]:
         return (other for other in self._companions.get(name, ()) if self.has(other))
@@ -86,12 +85,14 @@ class Neighborhood:
             self.registered.remove(name)
             del self._ranks[bisect_left(self._ranks, self._rank[name])]
 
-    def _outwards(self, rank: int) -> Iterator[str]:
+    def _outwards(self, rank: int, most: int) -> Iterator[str]:
         after = bisect_left(self._ranks, rank)
         before = after - 1
         while before >= 0 or after < len(self._ranks):
             below = rank - self._ranks[before] if before >= 0 else float("inf")
             above = self._ranks[after] - rank if after < len(self._ranks) else float("inf")
+            if min(below, above) > most:
+                return
             if below <= above:
                 yield self._names[self._ranks[before]]
                 before -= 1

@@ -88,7 +88,7 @@ class _Run:
 
     waiting: those without an outcome; own: what came of what was tried before others were asked;
     places: the photos from whose place each was tried already; faulty: those that met a fault,
-    alone or in a block; notes: what the others say of each.
+    alone or in a block; notes: what the others say of each; compared_looks: those of all are known.
     """
 
     def __init__(
@@ -110,6 +110,7 @@ class _Run:
         self.failed_with: dict[str, Evidence] = {}
         self.faulty: set[str] = set()
         self.notes: dict[str, str] = {}
+        self.compared_looks = False
 
     # --- what is known
 
@@ -282,7 +283,7 @@ class _Run:
         for name in self.chosen:
             if name in self.waiting or self.outcomes[name].may_be_helped:
                 wave.add(name, self.failed_with.get(name))
-        wave.look(self.project.photo_names)
+        wave.look(self.chosen)
         self.near.take_stirred()
         while (following := wave.next()) is not None:
             name = following
@@ -292,18 +293,23 @@ class _Run:
             if not self.outcomes[name].may_be_helped:
                 wave.drop(name)
             if not self.outcomes[name].failed:
-                wave.look(self.near.take_stirred())
+                stirred = self.near.take_stirred()
+                wave.look(self.chosen if self.look_for_companions() else stirred)
         for name in wave.left:
             self.trace_again(name)
 
-    def look_for_companions(self) -> None:
-        """Compare the looks of all photos, where there are too many registered ones to try each
-        with a photo of which nothing is known.
+    def look_for_companions(self) -> bool:
+        """Compare the looks of all photos, once, where there are too many registered ones to try
+        each with a photo of which nothing is known; returns whether that was done.
         """
+        if self.compared_looks or len(self.near.registered) <= MOST_COMPARED:
+            return False
+        self.compared_looks = True
         unknown = [n for n in self.chosen if n in self.waiting and not self.near.knows(n)]
-        if unknown and len(self.registered) > MOST_COMPARED:
+        if unknown:
             compare_looks(self.bench, self.progress)
             self.learn_companions()
+        return bool(unknown)
 
     def learn_companions(self) -> None:
         """Read again which photos show the same."""

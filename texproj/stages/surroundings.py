@@ -76,16 +76,12 @@ class Surroundings:
         self._see_what_it_hangs_on(name)
         (self._near.add if record.vouches else self._near.remove)(name)
         if was_there or record.vouches:
-            self._stirred.update(self._near.reach(name, self._counts))
+            self._stirred.update(self._near.reach(name))
 
     def take_stirred(self) -> set[str]:
         """The photos, or a few more, around which something has changed since this was asked."""
         stirred, self._stirred = self._stirred, set()
         return stirred
-
-    def _counts(self, other: str) -> bool:
-        """Whether every photo may ask `other`."""
-        return other not in self._shaken and other not in self._loose
 
     def _see_what_it_hangs_on(self, name: str) -> None:
         before = self._behind.before(name)
