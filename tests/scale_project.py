@@ -57,6 +57,24 @@ def make_photos(root: Path, count: int) -> Project:
     return Project.open(root)
 
 
+def make_picked_project(root: Path, count: int) -> Project:
+    """A project of so many small photos, in each of which twelve points are picked."""
+    project = make_photos(root, count)
+    (root / "correspondences").mkdir()
+    for k, name in enumerate(project.photo_names):
+        (root / "correspondences" / name).with_suffix(".csv").write_text(picks(k))
+    return Project.open(root)
+
+
+def picks(seed: int) -> str:
+    """Twelve points in a unit cube four units away, picked a tenth of a pixel off."""
+    rng = np.random.default_rng(seed)
+    xyz = rng.uniform(-0.5, 0.5, (12, 3))
+    uv = LENS.fx * xyz[:, :2] / (xyz[:, 2:] + 4) + (LENS.cx, LENS.cy) + rng.normal(0, 0.1, (12, 2))
+    rows = [",".join(map(repr, row.tolist())) for row in np.hstack([uv, xyz])]
+    return "\n".join(["u,v,x,y,z", *rows])
+
+
 def make_scale_project(root: Path, count: int) -> Project:
     """Photos of which every second failed; of the others, half were found through the one before
     it, and all were refined.
