@@ -93,6 +93,11 @@ def output_plan(
         standing(output.up, output.unit, cameras, measured),
     )
     _check_bits(plan, textured)
+    if output.compression != "none" and not (textured and "glb" in asked):
+        raise UsageError(
+            'compression: only a glb with a texture is compressed; set it to "none", or `to` to'
+            " texture and add glb to models"
+        )
     if textured and image == "ktx2":
         if "glb" not in asked:
             raise UsageError("image: ktx2 is for glb alone; add it to models, or choose another")
@@ -192,7 +197,7 @@ def _write_glb(
     if model.normal_map is not None and not plan.options.unlit and plan.glb_image != "ktx2":
         bumped = inside.with_name(f"{inside.name}_normals")
         bumps = write_pages(bumped, model.normal_map.pages, plan.glb_image, plan.options.quality)
-    shown = plan.glb_image, plan.options.unlit, plan.standing
+    shown = plan.options.unlit, plan.options.compression == "draco", plan.standing
     path = stem.with_suffix(".glb")
     write_glb(path, model, [*images, *bumps], *shown, plan.provenance)
     for image in [*bumps, *(() if shared else images)]:
