@@ -145,8 +145,9 @@ def tell(options: argparse.Namespace) -> None:
         print(f"{workers:7d} {cells}  {busiest}, lost {lost}")
     mesh_gb = 1e6 * options.faces / GB
     samples_gb = options.photos * costs.sample_bytes_per_mp * options.megapixels / GB
-    print(f"a worker {costs.worker_mb / 1e3 + costs.worker_bytes_per_face * mesh_gb:.1f} GB, who"
-          f" leads {costs.lead_bytes_per_face * mesh_gb:.1f} GB, samples on disk {samples_gb:.0f} GB"
+    each_gb = costs.worker_mb / 1e3 + costs.worker_bytes_per_face * mesh_gb
+    print(f"a worker {each_gb:.1f} GB, who"
+          f" leads {costs.lead_bytes_per_face * mesh_gb:.1f} GB, on disk {samples_gb:.0f} GB"
           )  # fmt: skip
 
 
