@@ -8,6 +8,8 @@ import numpy as np
 
 from texproj.appearance.flash.found import Found
 from texproj.appearance.flash.held_out import FlashVerdict
+from texproj.appearance.turntable.lamps import RoomLamp
+from texproj.appearance.turntable.room_verdict import RoomVerdict
 from texproj.appearance.verdict import Verdict
 from texproj.arrays import Doubles, Floats, Index
 
@@ -47,6 +49,21 @@ class FlashLight:
 
 
 @dataclass(frozen=True, eq=False)
+class TurntableLight:
+    """Light that stood still while the object was turned, axes of the room (`turntable.Room`); unit
+    as that of `NaturalLight`.
+
+    sky: (9, 3) radiance by spherical harmonics; lamps: and strength (k, 3), the irradiance by each
+    square to it; exposure: of each photo against the others.
+    """
+
+    sky: Doubles
+    lamps: tuple[RoomLamp, ...]
+    strength: Doubles
+    exposure: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
 class Appearance:
     """The surface itself, at the vertices of the mesh.
 
@@ -63,11 +80,11 @@ class Appearance:
     metallic: Floats
     irradiance: Floats | None
     confidence: Floats
-    light: NaturalLight | FlashLight | None
+    light: NaturalLight | FlashLight | TurntableLight | None
     accepted: bool
     reason: str
     absolute: bool
-    verdict: Verdict | FlashVerdict | None
+    verdict: Verdict | FlashVerdict | RoomVerdict | None
 
 
 def untold(points: int) -> tuple[Floats, Floats]:

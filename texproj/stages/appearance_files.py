@@ -156,7 +156,28 @@ def light_facts(appearance: Appearance, kind: LightKind) -> dict[str, Any]:
     light = flash_of(appearance)
     if kind == "flash":
         return told | ({} if light is None else _flash_facts(light))
+    if kind == "turntable":
+        return told | _room_facts(appearance)
     return told | _sky_facts(appearance)
+
+
+def _room_facts(appearance: Appearance) -> dict[str, Any]:
+    from texproj.appearance.recovered import TurntableLight  # noqa: PLC0415 - slow to load
+
+    light = appearance.light
+    if not isinstance(light, TurntableLight):
+        return {"sun": None, "sky": None, "room": None}
+    lamps = [
+        {
+            "direction": lamp.direction.tolist(),
+            "distance": lamp.distance if np.isfinite(lamp.distance) else None,
+            "radius_deg": lamp.radius_deg,
+            "irradiance": strength.tolist(),
+        }
+        for lamp, strength in zip(light.lamps, light.strength, strict=True)
+    ]
+    room = {"sky": light.sky.tolist(), "lamps": lamps, "exposure": light.exposure}
+    return {"sun": None, "sky": None, "room": room}
 
 
 def _sky_facts(appearance: Appearance) -> dict[str, Any]:

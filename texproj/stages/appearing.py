@@ -40,7 +40,7 @@ from texproj.stages.provenance import provenance_of
 from texproj.stages.writing import output_plan
 
 STAGE = "appearance"
-VERSION = 2
+VERSION = 3
 SECTIONS = ("color", "unwrap", "light", "output", "render")
 
 
@@ -87,6 +87,15 @@ def light_lines(light: dict[str, Any]) -> Iterator[str]:
         )
         yield f"base color: {'reflectance' if light['absolute'] else 'known up to a factor'}"
         return
+    if light["kind"] == "turntable":
+        lamps = len(light["room"]["lamps"])
+        yield (
+            f"turntable: a soft light and {lamps} lamp{'' if lamps == 1 else 's'} that stood still;"
+            f" {told['photos']} photos left out of the fit are predicted by {told['lit_db']:.1f}"
+            f" dB, by plain colors {told['plain_db']:.1f}"
+        )
+        yield f"base color: {known_as(light)}"
+        return
     sun = light["sun"]
     if sun is None:
         yield "light: a sky, no sun"
@@ -97,8 +106,12 @@ def light_lines(light: dict[str, Any]) -> Iterator[str]:
         f"parts of the surface left out of the fit: {told['lit_db']:.1f} dB with the light,"
         f" {told['plain_db']:.1f} dB without"
     )
-    known = "reflectance" if light["absolute"] else "known up to a factor; a color chart fixes it"
-    yield f"base color: {known}"
+    yield f"base color: {known_as(light)}"
+
+
+def known_as(light: dict[str, Any]) -> str:
+    """What the base color is."""
+    return "reflectance" if light["absolute"] else "known up to a factor; a color chart fixes it"
 
 
 def appearance_project(
@@ -119,12 +132,13 @@ def appearance_project(
     cameras, failed = usable_cameras(project)
     keep_occluders(bench, cameras, progress)
     inputs = _inputs(project, to)
-    plan = output_plan(*_wanted(project), tuple(cameras.values()))
+    measured = [project.photo_info(name).up_in_cam for name in cameras]
+    plan = output_plan(*_wanted(project), tuple(cameras.values()), measured)
     colors, appearance = found_appearance(bench, progress)
     failed |= colors.failed
     if not set(cameras) - set(failed):
         raise InputError(f"no photo could be read: {'; '.join(failed.values())}")
-    light = light_facts(appearance, kind_of(project))
+    light = light_facts(appearance, kind_of(project, appearance))
     used = [name for name in cameras if name not in failed]
     plan = replace(plan, provenance=provenance_of(project, used))
     with staging(project.out) as folder:

@@ -22,12 +22,13 @@ if TYPE_CHECKING:
     from texproj.appearance.natural import Chart
     from texproj.appearance.recovered import Appearance
     from texproj.color.result import Texture, VertexColors
+    from texproj.color.sampling.photo_set import PhotoSet
 
 HIGHLIGHT = 1.0
 """How strongly highlights are distrusted: they are none of the surface's color."""
 
 Target = Literal["vertices", "texture"]
-LightKind = Literal["natural", "flash"]
+LightKind = Literal["natural", "flash", "turntable"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,9 +42,15 @@ class Pages:
     confidence: tuple[NDArray[np.uint8], ...] | None = None
 
 
-def kind_of(project: Project) -> LightKind:
-    """What light is looked for."""
-    return "flash" if project.settings.light.kind == "flash" else "natural"
+def kind_of(project: Project, found: Appearance | None = None) -> LightKind:
+    """What light is looked for; where the settings do not say it, that which was found."""
+    from texproj.appearance.recovered import TurntableLight  # noqa: PLC0415 - slow to load
+
+    said = project.settings.light.kind
+    if said != "none":
+        return said
+    turned = found is not None and isinstance(found.light, TurntableLight)
+    return "turntable" if turned else "natural"
 
 
 def check_light(project: Project) -> None:
@@ -116,29 +123,57 @@ def found_appearance(bench: Workbench, progress: Progress) -> tuple[VertexColors
 
     options, checker = _blending(project.settings.color, "vertices"), checker_of(project)
     colors = color_vertices(bench.mesh, photos, bench.renderer, options, checker, tell)
-    if kind_of(project) == "flash":
+    said = project.settings.light.kind
+    if said == "flash":
         return colors, _under_flash(bench, colors, progress)
+    if said in ("none", "turntable"):
+        turned = _on_turntable(bench, colors, progress)
+        if said == "turntable" or turned.accepted:
+            return colors, turned
     return colors, _in_nature(bench, colors, progress)
 
 
 def _in_nature(bench: Workbench, colors: VertexColors, progress: Progress) -> Appearance:
     from texproj.appearance.natural import natural_appearance  # noqa: PLC0415 - slow to load
 
-    told = colors.quality.get("checker")
-    chart: Chart = "none" if told is None else "scale" if told["exposure_known"] else "tint"
-
     def tell(done: int, total: int) -> None:
         progress("appearance", done, total, "")
 
-    return natural_appearance(bench.mesh, colors.rgb, colors.weight > 0, chart, tell)
+    chart, seen = _chart_of(colors), colors.weight > 0
+    return natural_appearance(bench.mesh, colors.rgb, seen, chart, tell)
+
+
+def _on_turntable(bench: Workbench, colors: VertexColors, progress: Progress) -> Appearance:
+    from texproj.appearance.turntable.turned import Blended, turntable_appearance  # noqa: PLC0415
+
+    photos, told = _readable(bench, colors), colors.quality.get("checker")
+    matrix = None if told is None else np.array(told["matrix"])
+    blend = Blended(colors.rgb, colors.weight > 0, _chart_of(colors), matrix)
+    unsaid = bench.project.settings.light.kind == "none"
+
+    def tell(what: str, done: int, total: int) -> None:
+        progress(what, done, total, "")
+
+    return turntable_appearance(bench.mesh, photos, bench.renderer, blend, unsaid, tell)
+
+
+def _chart_of(colors: VertexColors) -> Chart:
+    """What a color chart has made absolute in the colors."""
+    told = colors.quality.get("checker")
+    return "none" if told is None else "scale" if told["exposure_known"] else "tint"
+
+
+def _readable(bench: Workbench, colors: VertexColors) -> PhotoSet:
+    """The photos but those that could not be read."""
+    cameras = usable_cameras(bench.project)[0]
+    left = {name: camera for name, camera in cameras.items() if name not in colors.failed}
+    return photo_set(bench.project, left)
 
 
 def _under_flash(bench: Workbench, colors: VertexColors, progress: Progress) -> Appearance:
     from texproj.appearance.flash.recover import Blend, flash_appearance  # noqa: PLC0415
 
-    cameras = usable_cameras(bench.project)[0]
-    cameras = {name: camera for name, camera in cameras.items() if name not in colors.failed}
-    photos = photo_set(bench.project, cameras)
+    photos = _readable(bench, colors)
     blend = Blend(colors.rgb, colors.weight > 0)
 
     def tell(what: str, done: int, total: int) -> None:
@@ -171,7 +206,7 @@ def _pages(bench: Workbench, appearance: Appearance, colored: Texture, progress:
     from texproj.appearance.texels import base_texture  # noqa: PLC0415
 
     light = appearance.light
-    if kind_of(bench.project) == "natural" or not isinstance(light, FlashLight):
+    if not isinstance(light, FlashLight):
         return Pages(base_texture(bench.mesh, colored, appearance))
     cameras = usable_cameras(bench.project)[0]
     photos = photo_set(bench.project, {name: cameras[name] for name in light.names})

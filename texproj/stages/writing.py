@@ -35,7 +35,7 @@ from texproj.mesh import ColoredMesh, Mesh, MeshSource, TexturedMesh, vertex_nor
 from texproj.options import ColorOptions, OutputOptions
 from texproj.photo import srgb_from_linear
 from texproj.provenance import NOTHING, Provenance
-from texproj.standing import Standing, standing
+from texproj.standing import Measured, Standing, standing
 
 STEM = "model"
 PLY, GLB, OBJ = "model.ply", "model.glb", "model.obj"
@@ -64,10 +64,13 @@ class OutputPlan:
 
 
 def output_plan(
-    color: ColorOptions, output: OutputOptions, cameras: Sequence[Camera] = ()
+    color: ColorOptions,
+    output: OutputOptions,
+    cameras: Sequence[Camera] = (),
+    measured: Sequence[Measured] = (),
 ) -> OutputPlan:
-    """What the settings ask for; the cameras tell how the scan stands. Raises UsageError for what
-    cannot be written.
+    """What the settings ask for; the cameras and what these have `measured` (as `upward` takes it)
+    tell how the scan stands. Raises UsageError for what cannot be written.
     """
     textured = color.to != "vertices"
     possible: tuple[Kind, ...] = ("glb", "obj", "usdz") if textured else ("ply", "glb")
@@ -87,7 +90,7 @@ def output_plan(
         "png" if image == "tiff" or image == "exr" else image,  # noqa: PLR1714 - mypy narrows
         color.bits,
         output,
-        standing(output.up, output.unit, cameras),
+        standing(output.up, output.unit, cameras, measured),
     )
     _check_bits(plan, textured)
     if output.compression != "none" and not (textured and "glb" in asked):
