@@ -48,7 +48,7 @@ class Costs:
     """
 
     start_s: float = 2.5
-    start_s_per_million_faces: float = 2.2
+    start_s_per_million_faces: float = 2.0
     decode_s_per_mp: float = 0.014
     jpeg_bytes_per_mp: float = 0.5e6
     features_s: float = 0.73
