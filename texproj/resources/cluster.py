@@ -23,8 +23,8 @@ T = TypeVar("T")
 LOG = logging.getLogger("texproj")
 
 MOST_LOCAL = 256
-CONNECT_S = 10
-"""Seconds to find a scheduler: it is there or it is not."""
+CONNECT_S, CLOSE_S = 10, 2
+"""Seconds to find a scheduler: it is there or it is not; to take leave of one that may be gone."""
 ALONE_S = 60
 """Seconds without any worker after which nobody will come: one that died is back before."""
 SILENT = "60 s"
@@ -147,7 +147,7 @@ def cluster_at(address: str) -> Iterator[Cluster]:
             yield cluster
         finally:
             with suppress(Exception):  # it may be gone already; nothing is lost with it
-                client.close(timeout=CONNECT_S)
+                client.close(timeout=CLOSE_S)
 
 
 @contextmanager
@@ -166,7 +166,7 @@ def _cluster_here(count: int) -> Iterator[Any]:
         yield here
     finally:
         with suppress(Exception):
-            here.close(timeout=CONNECT_S)
+            here.close(timeout=CLOSE_S)
 
 
 def _await_workers(cluster: Cluster) -> None:
