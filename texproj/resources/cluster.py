@@ -30,6 +30,8 @@ ALONE_S = 60
 SILENT = "60 s"
 """After which a worker of this machine that gives no sign of life is taken for dead: reading the
 largest mesh keeps one silent for half of that."""
+QUIET = re.compile(r"(distributed|bokeh|tornado)\b")
+"""Loggers of others; each has a level and a way to the terminal of its own."""
 MISSING = "--cluster needs Dask, which is not installed: pip install distributed bokeh"
 
 
@@ -133,7 +135,7 @@ def cluster_at(address: str) -> Iterator[Cluster]:
         import distributed  # noqa: PLC0415 - slow to load, and an extra
     except ImportError:
         raise UsageError(MISSING) from None
-    for name in ("distributed", "bokeh"):
+    for name in filter(QUIET.match, [*logging.root.manager.loggerDict]):
         logging.getLogger(name).setLevel(logging.CRITICAL)  # we say what matters ourselves
     with _cluster_here(int(local[1])) if local else nullcontext() as here:
         try:
