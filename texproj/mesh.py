@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from texproj.layout import Layout, Node
+from texproj.layout import Layout, Node, Surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,13 +74,15 @@ class Parts:
     """Nodes and names that a model keeps of the mesh's file.
 
     page_names: a name for each page; nodes; node_of_face: (F,) int32 rows of nodes; uv_down: (T, 2)
-    texture coordinates with v down from the top, exactly as the file has them.
+    texture coordinates with v down from the top, exactly as the file has them; surfaces: what the
+    material of each page says beside its colors.
     """
 
     page_names: tuple[str, ...]
     nodes: tuple[Node, ...]
     node_of_face: NDArray[np.int32]
     uv_down: NDArray[np.float64]
+    surfaces: tuple[Surface, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
