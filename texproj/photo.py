@@ -25,7 +25,8 @@ class PhotoInfo:
     ISO) gather, None if not told; notes: what was missing or odd, one sentence each;
     orientation: the EXIF orientation, 1..8, that made the photo upright; copyright, artist: EXIF's
     words, taken: when, ISO 8601 in the camera's time; empty if not told; distortion: k1 k2 p1 p2 k3
-    of the lens that EXIF names, from a database, a start; empty if not known.
+    of the lens that EXIF names, from a database, a start; empty if not known; up_in_cam: what was
+    upward, as the camera has measured: unit x right, y down, z forward; empty if not told.
     """
 
     name: str
@@ -40,6 +41,7 @@ class PhotoInfo:
     artist: str = ""
     taken: str = ""
     distortion: tuple[float, ...] = ()
+    up_in_cam: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

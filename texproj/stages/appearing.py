@@ -132,7 +132,8 @@ def appearance_project(
     cameras, failed = usable_cameras(project)
     keep_occluders(bench, cameras, progress)
     inputs = _inputs(project, to)
-    plan = output_plan(*_wanted(project), tuple(cameras.values()))
+    measured = [project.photo_info(name).up_in_cam for name in cameras]
+    plan = output_plan(*_wanted(project), tuple(cameras.values()), measured)
     colors, appearance = found_appearance(bench, progress)
     failed |= colors.failed
     if not set(cameras) - set(failed):

@@ -103,7 +103,9 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
     if before is not None and color_freshness(project).fresh:
         return _outcome(project, before, kept=True)
     cameras, failed = usable_cameras(project)
-    plan = output_plan(project.settings.color, project.settings.output, tuple(cameras.values()))
+    measured = [project.photo_info(name).up_in_cam for name in cameras]
+    wanted = project.settings.color, project.settings.output
+    plan = output_plan(*wanted, tuple(cameras.values()), measured)
     hidden = keep_occluders(bench, cameras, progress)
     inputs = _inputs(project)
     check_levels(project.settings.color, project.settings.output)

@@ -85,7 +85,7 @@ def _coordinates(document: GltfDocument, part: GltfPart) -> NDArray[np.float64] 
     attributes = object_of(part.primitive.get("attributes"), "attributes")
     if f"TEXCOORD_{number}" not in attributes:
         return None
-    uv = document.accessor(attributes[f"TEXCOORD_{number}"], 2).astype(np.float64)
+    uv = document.attribute(part.primitive, f"TEXCOORD_{number}", 2).astype(np.float64)
     if change:
         if change.get("rotation", 0) != 0:
             raise Broken(f"a texture is turned by {TRANSFORM}")

@@ -22,6 +22,7 @@ from texproj.formats.photos.exif import (
     taken_of,
 )
 from texproj.formats.photos.exr import exr_stored
+from texproj.formats.photos.gravity import LONGEST_XMP, XMP, up_of
 from texproj.formats.photos.heif import MissingReaderError, avif_stored, brand_of, heic_stored
 from texproj.formats.photos.icc import adobe_rgb, usable
 from texproj.formats.photos.kinds import RAW_SUFFIXES, SAID
@@ -107,7 +108,7 @@ def read_photo_info(path: Path, largest_mp: float = LARGEST_PHOTO_MP) -> PhotoIn
     return PhotoInfo(
         path.name, width, height, focal_px, body_of(header), exposure_ev_of(header),
         (*header.notes, *notes), header.orientation, *rights_of(header), taken_of(header),
-        distortion,
+        distortion, up_of(header),
     )  # fmt: skip
 
 
@@ -182,6 +183,9 @@ def _pillow(file: io.BufferedIOBase) -> Stored:
     profile = image.info.get("icc_profile")
     block = image.info.get("exif") or b"" if kind == "JPEG" else _png_exif(file)
     tags, exif = read_or_none(lambda: directories_of(block))
+    xmp = image.info.get("xmp")
+    if isinstance(xmp, bytes) and len(xmp) <= LONGEST_XMP:
+        tags = {**tags, XMP: xmp}
     return Stored(kind, image.width, image.height, channels, profile, tags, exif)
 
 
