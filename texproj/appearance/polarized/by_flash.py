@@ -10,7 +10,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from texproj.appearance.flash.closed_form import fit_lambert
+from texproj.appearance.flash.closed_form import (
+    fit_each,
+    fit_lambert,
+    fit_material,
+    labelled_terms,
+    predicted,
+)
 from texproj.appearance.flash.found import HIGHLIGHT, photo_gains
 from texproj.appearance.flash.held_out import held_out, plain_color
 from texproj.appearance.flash.lamp import Lamp
@@ -28,7 +34,7 @@ from texproj.appearance.palette import clusters, log_chroma, members
 from texproj.appearance.polarized.differences import Pairs, paired
 from texproj.appearance.polarized.pair_verdict import PairVerdict, judged_pairs
 from texproj.appearance.recovered import MATTE, Appearance, PolarizedLight, untold
-from texproj.arrays import Bools, Doubles, Floats
+from texproj.arrays import Bools, Doubles, Floats, Index
 from texproj.color.filling.vertices import fill_vertices
 from texproj.color.sampling.photo_set import PhotoSet
 from texproj.mesh import Mesh
@@ -44,6 +50,9 @@ FEWEST = 300
 
 PAINTS = 6
 """Hues, each with a roughness and a mirror of its own."""
+
+EDGES = (0.6, 1.0, 1.4, 1.9, 2.5)
+"""How bright matte paint is in grazing light that goes straight back, against Lambert's."""
 
 ROUNDS = 3
 OUTLIER = 2.0
@@ -118,19 +127,51 @@ def polarized_flash_appearance(
         seen = seen.scaled(gain[seen.photo])
         unit = _unit(seen, lamp)
         seen = seen.scaled(np.full(len(seen.point), unit, np.float32))
-        color = fit_lambert(seen).color
-        centers = clusters(log_chroma(color[seen.number > 0]), PAINTS)
-        kinds = _mirrors(seen, pairs, members(log_chroma(color), centers), len(centers))
+        paints = _paints(seen)
+        kinds = _mirrors(seen, pairs, paints.labels(seen), len(paints.centers))
         flashes = dark.flashes.with_gain(gain * np.float32(unit))
-        found = _Found(lamp, flashes, centers, kinds)
+        found = _Found(lamp, flashes, paints, kinds)
         return _everywhere(mesh, dark, bright, sets, found, verdict)
+
+
+@dataclass(frozen=True, eq=False)
+class _Paints:
+    """centers: (k, 2) log chroma; matte: how each paint fades towards edges."""
+
+    centers: Doubles
+    matte: list[Material]
+
+    def labels(self, seen: Observations) -> Index:
+        """(n,) the paint of each point."""
+        return np.asarray(members(log_chroma(fit_lambert(seen).color), self.centers), np.intp)
+
+    def colors(self, seen: Observations) -> Floats:
+        """(n, 3) of each point."""
+        return fit_each(seen, self.matte, self.labels(seen)).color
+
+    def predicted(self, seen: Observations, color: Floats, label: Index) -> Floats:
+        """(m, 3) what the crossed photos would show."""
+        return predicted(*labelled_terms(seen, self.matte, label), seen, color)
+
+
+def _paints(seen: Observations) -> _Paints:
+    """Hues, and how strongly each shines at edges: rough paint more than Lambert has it."""
+    color = fit_lambert(seen).color
+    known = seen.number > 2
+    centers = clusters(log_chroma(color[known]), PAINTS)
+    label = members(log_chroma(color), centers)
+    tried = [Material(1.0, False, 0.0, edge) for edge in EDGES]
+    cost = np.stack([fit_material(seen, one).cost for one in tried], axis=1)
+    sums = [np.bincount(label, one * known, len(centers)) for one in cost.T]
+    best = np.argmin(np.stack(sums, axis=1), axis=1)
+    return _Paints(centers, [tried[k] for k in best])
 
 
 @dataclass(frozen=True, eq=False)
 class _Found:
     lamp: Lamp
     flashes: Flashes
-    centers: Doubles
+    paints: _Paints
     kinds: list[Pooled]
 
 
@@ -145,12 +186,12 @@ def _judged(seen: Observations, photos: int) -> tuple[Floats, PairVerdict]:
     held[held_out(photos)] = True
     out = held[seen.photo]
     train = seen.kept(~out)
-    color = fit_lambert(train).color
-    told = (seen.light / np.float32(np.pi))[:, None] * color[seen.point]
-    gain = photo_gains(seen, told, photos)
-    color = fit_lambert(train.scaled(gain[train.photo])).color
+    paints = _paints(train)
+    color, label = paints.colors(train), paints.labels(train)
+    gain = photo_gains(seen, paints.predicted(seen, color, label), photos)
+    color = paints.colors(train.scaled(gain[train.photo]))
     test = seen.kept(out & (train.number >= 2)[seen.point])
-    lit = (test.light / np.float32(np.pi))[:, None] * color[test.point]
+    lit = paints.predicted(test, color, label)
     plain = plain_color(train)
     return gain, judged_pairs(test, plain[test.point], lit, int(held.sum()))
 
@@ -212,18 +253,19 @@ def _everywhere(
     """All vertices of the mesh."""
     count = len(mesh.vertices)
     color, number = np.zeros((count, 3), np.float32), np.zeros(count)
-    mirrored = np.zeros(count, np.float32)
+    mirrored, label = np.zeros(count, np.float32), np.zeros(count, np.intp)
     start = 0
     for chunk, size in enumerate(dark.points.sizes):
         for piece in dark.store.pieces(chunk):
             rows = slice(start + piece.start, start + piece.stop)
             seen = dark.observations(chunk, piece, found.flashes, found.lamp)
             shining = bright.observations(chunk, piece, found.flashes, found.lamp)
-            color[rows], number[rows] = fit_lambert(seen).color, seen.number
-            label = members(log_chroma(color[rows]), found.centers)
-            mirrored[rows] = _f0(seen, _paired(shining, seen, sets.exposure), label, found.kinds)
+            color[rows], number[rows] = found.paints.colors(seen), seen.number
+            label[rows] = found.paints.labels(seen)
+            mirrored[rows] = _f0(
+                seen, _paired(shining, seen, sets.exposure), label[rows], found.kinds
+            )
         start += size
-    label = np.asarray(members(log_chroma(color), found.centers), np.intp)
     known = number > 0
     base = fill_vertices(mesh, color, known)
     roughness, metallic = untold(count)

@@ -14,9 +14,6 @@ UNFILTERED = 1.5
 filter on the lens: a parallel one passes half of the paint's light, as a crossed one does.
 """
 
-MATTE_PART = 0.2
-"""Of sightings, from the darkest difference: what no highlight reaches."""
-
 BOTH_FILTERED = 2.0
 """Light that a filter keeps of what paint scatters is half: a mirror loses nothing."""
 
@@ -26,29 +23,36 @@ DARKER = 0.9
 MOST_DARKER = 0.25
 """Part of the sightings that may be darker by mistake: noise, edges."""
 
+BACKWARD = 2.0
+"""How much more light may be missing in photos than is there beyond their partners: where little
+is mirrored both are noise; in swapped folders highlights are missing.
+"""
+
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
     """Sightings that are in both photos of their pair. parallel, crossed: (m,) their rows;
     mirrored: (m, 3) light that was mirrored, of paint of white under the same light 1; darker: part
-    of them that are darker in the photo than in its partner.
+    of them that are darker in the photo than in its partner; backward: light that is missing there
+    over light that is mirrored.
     """
 
     parallel: Index
     crossed: Index
     mirrored: Floats
     darker: float
+    backward: float
 
     @property
     def refusal(self) -> str:
         """Why the two sets are no pairs; empty where they may be."""
-        if len(self.crossed) and self.darker <= MOST_DARKER:
+        if len(self.crossed) and self.darker <= MOST_DARKER and self.backward <= BACKWARD:
             return ""
         if not len(self.crossed):
             return "the crossed photos show nothing that their partners show: are they pairs?"
         return (
-            f"{100 * self.darker:.0f} % of the surface is darker in photos/ than in"
-            " photos-crossed/: swap the folders, or take both with one exposure, told by EXIF"
+            "highlights are in photos-crossed/ and not in photos/, or these are darker as a whole:"
+            " swap the folders, or take both with one exposure, or one that EXIF tells"
         )
 
 
@@ -68,15 +72,29 @@ def paired(parallel: Shown, crossed: Shown, exposure: Floats, each: bool) -> Pai
     bright = parallel[2][first] * exposure[photo, None]
     dark = crossed[2][second]
     ratio = (bright @ LUMINANCE) / np.maximum(dark @ LUMINANCE, 1e-4)
-    matte = float(np.quantile(ratio, MATTE_PART)) if len(ratio) else 1.0
+    matte = usual(ratio)
     filtered = matte < UNFILTERED
     scale = np.full(len(exposure), 1.0 if filtered else matte, np.float32)
     for number in np.unique(photo) if each else ():
-        scale[number] = np.quantile(ratio[photo == number], MATTE_PART)
+        scale[number] = usual(ratio[photo == number])
     mirrored = bright - scale[photo, None] * dark
     mirrored = mirrored / (BOTH_FILTERED * scale[photo, None] if filtered else scale[photo, None])
     darker = float((ratio < DARKER).mean()) if len(ratio) else 1.0
-    return Pairs(first, second, mirrored.astype(np.float32), darker)
+    more = mirrored @ LUMINANCE
+    backward = float(np.maximum(-more, 0).sum() / max(np.maximum(more, 0).sum(), 1e-9))
+    return Pairs(first, second, mirrored.astype(np.float32), darker, backward)
+
+
+def usual(ratio: Floats) -> float:
+    """The mode of ratios: that of matte parts, since highlights differ from each other. Half-sample
+    mode, Robertson and Cryer, JASA 69, 1974.
+    """
+    left = np.sort(ratio)
+    while len(left) > 3:
+        half = (len(left) + 1) // 2
+        start = int(np.argmin(left[half - 1 :] - left[: len(left) - half + 1]))
+        left = left[start : start + half]
+    return float(left.mean()) if len(left) else 1.0
 
 
 def _common(parallel: Shown, crossed: Shown, photos: int) -> tuple[Index, Index]:
