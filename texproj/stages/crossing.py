@@ -90,8 +90,8 @@ def _loaded(project: Project, name: str) -> Photo:
     path, settings = one_of(project.crossed, name), project.settings
     assert path is not None
     info = read_photo_info(path, settings.largest_photo_mp)
-    hidden = project.occluder_path(name) if settings.color.occluders else None
-    masks = [m for m in (project.mask_path(name), hidden) if m is not None and m.is_file()]
+    mask = project.mask_path(name)
+    masks = [mask] if mask is not None and mask.is_file() else []
     return read_photo(path, info, masks, None, settings.largest_photo_mp, settings.develop)
 
 
