@@ -32,7 +32,7 @@ from texproj.stages.layouts import (
     mesh_to_fill,
 )
 from texproj.stages.lightening import check_levels, levels_of, told_of_levels, write_levels
-from texproj.stages.occluding import keep_occluders, occluder_inputs
+from texproj.stages.occluding import keep_occluders, occluder_inputs, occluders_sought
 from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
 from texproj.stages.provenance import provenance_of
@@ -222,7 +222,7 @@ def photo_set(project: Project, cameras: Mapping[str, Camera]) -> PhotoSet:
     """The photos of these cameras, without what stands in front of the piece."""
     from texproj.color.sampling.photo_set import PhotoSet  # noqa: PLC0415 - slow to load
 
-    cut = project.settings.color.occluders
+    cut = occluders_sought(project)
 
     def read(name: str) -> Photo:
         return attended(name, partial(project.load_photo, name, cut=cut))
