@@ -17,7 +17,7 @@ from texproj.arrays import Doubles, Floats
 from texproj.camera import Camera, Intrinsics, Pose
 from texproj.demo.object import carved, piece, scanned
 from texproj.demo.pattern import Pattern, painted
-from texproj.mesh import Mesh, vertex_normals
+from texproj.mesh import Mesh, face_areas, vertex_normals
 from texproj.photo import srgb_from_linear
 
 VARIANT = os.environ.get("MITSUBA_VARIANT", "scalar_rgb")
@@ -170,8 +170,12 @@ def _studio(mi: Any, mesh: Mesh, turn: float) -> dict[str, Any]:
 
 
 def as_pixels_show(pattern: Pattern, mesh: Mesh) -> Floats:
-    """(V, 3) albedo averaged over what a pixel, sampled bilinearly, shows of the surface."""
-    width = DISTANCE * mesh.diagonal * 2 * np.tan(np.radians(FIELD_DEG) / 2) / SIZE[0]
+    """(V, 3) albedo averaged over what a pixel, sampled bilinearly, shows of the surface, of the
+    level of the photo whose pixels are as large as a vertex is wide.
+    """
+    pixel = DISTANCE * mesh.diagonal * 2 * np.tan(np.radians(FIELD_DEG) / 2) / SIZE[0]
+    spacing = np.sqrt(face_areas(mesh).sum() / len(mesh.vertices))
+    width = pixel * 2 ** max(0, np.round(np.log2(spacing / pixel)))
     normals = vertex_normals(mesh)
     rng = np.random.default_rng(1)
     total = np.zeros(mesh.vertices.shape)

@@ -130,6 +130,11 @@ def find_picks(folder: Path, photos: Iterable[str]) -> Found:
     return _matched(folder, photos, (".csv",), (), "a csv")
 
 
+def find_crossed(folder: Path, photos: Iterable[str], suffixes: Sequence[str]) -> Found:
+    """The partners of photos, taken through crossed polarizers: the same name, of any format."""
+    return _matched(folder, photos, suffixes, (), "a photo") if folder.is_dir() else Found({})
+
+
 def one_of(found: Found, photo: str) -> Path | None:
     """The file of a photo, None if it has none. Raises InputError where several claim it."""
     if photo in found.several:

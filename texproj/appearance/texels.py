@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.appearance.corners import barycentric
-from texproj.appearance.light_fit import LEAST_LIGHT
+from texproj.appearance.light_fit import GLOSS, LEAST_LIGHT
 from texproj.appearance.natural import base_color
-from texproj.appearance.recovered import Appearance, NaturalLight, TurntableLight
+from texproj.appearance.recovered import Appearance, NaturalLight
 from texproj.appearance.transfer import SUN_RAYS, LightCaster
 from texproj.arrays import Doubles, Floats
 from texproj.color.filling.gutters import fill_page
@@ -32,8 +32,9 @@ def base_texture(mesh: Mesh, texture: Texture, appearance: Appearance) -> Textur
     refused. The appearance is that of the mesh's vertices, found in the same photos.
     """
     light, irradiance = appearance.light, appearance.irradiance
-    if not isinstance(light, NaturalLight | TurntableLight) or irradiance is None:
+    if light is None or irradiance is None:
         return texture
+    gloss = GLOSS if appearance.mirrored is None else 0.0
     lamp = _Lamp(mesh, light, irradiance)
     pages: list[NDArray[Any]] = [page.copy() for page in texture.pages]
     with closing(Scratch()) as scratch:
@@ -43,7 +44,7 @@ def base_texture(mesh: Mesh, texture: Texture, appearance: Appearance) -> Textur
             top = np.iinfo(page.dtype).max
             shown = page[tile.rows, tile.columns][points.mask(number)]
             rgb = linear_from_srgb(shown / np.float32(top))
-            base = base_color(rgb / lamp.at(points.chunk(number)))
+            base = base_color(rgb / lamp.at(points.chunk(number)), gloss)
             points.place(number, page, np.round(srgb_from_linear(base) * top).astype(page.dtype))
         fill_unseen(mesh, texture.atlas, points, pages, list(texture.photo_count))
         for number, page in enumerate(pages):
@@ -54,9 +55,7 @@ def base_texture(mesh: Mesh, texture: Texture, appearance: Appearance) -> Textur
 class _Lamp:
     """The irradiance, over pi, of any point of the surface."""
 
-    def __init__(
-        self, mesh: Mesh, light: NaturalLight | TurntableLight, irradiance: Floats
-    ) -> None:
+    def __init__(self, mesh: Mesh, light: object, irradiance: Floats) -> None:
         self._caster = LightCaster(mesh, irradiance)
         self._faces, self._corners = mesh.faces, self._caster.xyz
         self._to_sun: Doubles | None = None

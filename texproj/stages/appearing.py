@@ -24,6 +24,7 @@ from texproj.stages.coloring import (
     seen_inputs,
     usable_cameras,
 )
+from texproj.stages.crossing import crossed_inputs
 from texproj.stages.freshness import Freshness, Inputs, changed_inputs, options_inputs
 from texproj.stages.lighting import (
     Target,
@@ -86,6 +87,13 @@ def light_lines(light: dict[str, Any]) -> Iterator[str]:
             " highlight"
         )
         yield f"base color: {'reflectance' if light['absolute'] else 'known up to a factor'}"
+        return
+    if light["kind"] == "polarized":
+        yield "polarized: paint from photos-crossed/, mirrors from what photos/ show beyond it"
+        yield (
+            f"held out: {told['lit_db']:.1f} dB with the light, {told['plain_db']:.1f} dB without"
+        )
+        yield f"base color: {known_as(light)}"
         return
     if light["kind"] == "turntable":
         lamps = len(light["room"]["lamps"])
@@ -191,7 +199,8 @@ def _made(record: dict[str, Any] | None) -> Target:
 
 def _inputs(project: Project, to: Target) -> Inputs:
     seen = seen_inputs(with_chart(project))
-    return {**options_inputs(project, VERSION, *SECTIONS), "to": to, **seen}
+    crossed = crossed_inputs(project)
+    return {**options_inputs(project, VERSION, *SECTIONS), "to": to, **seen, **crossed}
 
 
 def _outcome(project: Project, record: dict[str, Any], kept: bool) -> AppearanceOutcome:

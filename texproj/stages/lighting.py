@@ -13,6 +13,12 @@ from texproj.project import Project
 from texproj.stages.bench import Workbench
 from texproj.stages.checking import checker_of
 from texproj.stages.coloring import photo_set, usable_cameras
+from texproj.stages.crossing import (
+    PhotoPairs,
+    by_polarized_flash,
+    photo_pairs,
+    with_mirrors,
+)
 from texproj.stages.progress import Progress
 
 if TYPE_CHECKING:
@@ -28,7 +34,7 @@ HIGHLIGHT = 1.0
 """How strongly highlights are distrusted: they are none of the surface's color."""
 
 Target = Literal["vertices", "texture"]
-LightKind = Literal["natural", "flash", "turntable"]
+LightKind = Literal["natural", "flash", "turntable", "polarized"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +65,8 @@ def check_light(project: Project) -> None:
     if options.gray is not None and not (project.root / options.gray).is_file():
         path = project.root / options.gray
         raise InputError(f"no photo of a color chart at {path}; correct `gray` in [light]")
-    if kind_of(project) == "flash":
+    told = options.lamp is not None or options.flash is not None
+    if options.kind == "flash" or (options.kind == "polarized" and told):
         lamp_of(project)
 
 
@@ -116,21 +123,33 @@ def found_appearance(bench: Workbench, progress: Progress) -> tuple[VertexColors
     from texproj.color.vertices import color_vertices  # noqa: PLC0415 - slow to load
 
     project = with_chart(bench.project)
-    photos = photo_set(project, usable_cameras(project)[0])
+    cameras, said = usable_cameras(project)[0], project.settings.light.kind
+    pairs = photo_pairs(project, cameras) if said == "polarized" else None
+    photos = photo_set(project, cameras) if pairs is None else pairs.crossed
 
     def tell(done: int, total: int) -> None:
         progress("color", done, total, "")
 
     options, checker = _blending(project.settings.color, "vertices"), checker_of(project)
     colors = color_vertices(bench.mesh, photos, bench.renderer, options, checker, tell)
-    said = project.settings.light.kind
+    if pairs is not None:
+        colors = replace(colors, failed=colors.failed | pairs.failed)
+        return colors, _polarized(bench, colors, pairs, progress)
     if said == "flash":
         return colors, _under_flash(bench, colors, progress)
-    if said in ("none", "turntable"):
-        turned = _on_turntable(bench, colors, progress)
+    return colors, _by_lamps_or_sky(bench, colors, _readable(bench, colors), progress)
+
+
+def _by_lamps_or_sky(
+    bench: Workbench, colors: VertexColors, photos: PhotoSet, progress: Progress
+) -> Appearance:
+    """Under light that goes with the camera, or light that stands still."""
+    said = bench.project.settings.light.kind
+    if said != "natural":
+        turned = _on_turntable(bench, colors, photos, progress)
         if said == "turntable" or turned.accepted:
-            return colors, turned
-    return colors, _in_nature(bench, colors, progress)
+            return turned
+    return _in_nature(bench, colors, progress)
 
 
 def _in_nature(bench: Workbench, colors: VertexColors, progress: Progress) -> Appearance:
@@ -139,22 +158,45 @@ def _in_nature(bench: Workbench, colors: VertexColors, progress: Progress) -> Ap
     def tell(done: int, total: int) -> None:
         progress("appearance", done, total, "")
 
-    chart, seen = _chart_of(colors), colors.weight > 0
-    return natural_appearance(bench.mesh, colors.rgb, seen, chart, tell)
+    given = bench.mesh, colors.rgb, colors.weight > 0, _chart_of(colors), tell
+    return natural_appearance(*given, _gloss_of(bench.project))
 
 
-def _on_turntable(bench: Workbench, colors: VertexColors, progress: Progress) -> Appearance:
+def _on_turntable(
+    bench: Workbench, colors: VertexColors, photos: PhotoSet, progress: Progress
+) -> Appearance:
     from texproj.appearance.turntable.turned import Blended, turntable_appearance  # noqa: PLC0415
 
-    photos, told = _readable(bench, colors), colors.quality.get("checker")
+    told = colors.quality.get("checker")
     matrix = None if told is None else np.array(told["matrix"])
-    blend = Blended(colors.rgb, colors.weight > 0, _chart_of(colors), matrix)
-    unsaid = bench.project.settings.light.kind == "none"
+    seen, gloss = colors.weight > 0, _gloss_of(bench.project)
+    blend = Blended(colors.rgb, seen, _chart_of(colors), matrix, gloss)
+    unsaid = bench.project.settings.light.kind != "turntable"
 
     def tell(what: str, done: int, total: int) -> None:
         progress(what, done, total, "")
 
     return turntable_appearance(bench.mesh, photos, bench.renderer, blend, unsaid, tell)
+
+
+def _polarized(
+    bench: Workbench, colors: VertexColors, pairs: PhotoPairs, progress: Progress
+) -> Appearance:
+    """Under a flash where [light] says where it is, else under lamps that stand still."""
+    pairs = pairs.without(colors.failed)
+    options = bench.project.settings.light
+    if options.lamp is not None or options.flash is not None:
+        blend = colors.rgb, colors.weight > 0
+        return by_polarized_flash(bench, pairs, lamp_of(bench.project), blend, progress)
+    found = _by_lamps_or_sky(bench, colors, pairs.crossed, progress)
+    return with_mirrors(bench, pairs, found, progress)
+
+
+def _gloss_of(project: Project) -> float:
+    """Mean reflection in the photos that is none of the paint's."""
+    from texproj.appearance.light_fit import GLOSS  # noqa: PLC0415 - slow to load
+
+    return 0.0 if project.settings.light.kind == "polarized" else GLOSS
 
 
 def _chart_of(colors: VertexColors) -> Chart:
@@ -188,7 +230,9 @@ def found_pages(bench: Workbench, appearance: Appearance, progress: Progress) ->
     from texproj.color.texture import color_texture  # noqa: PLC0415 - slow to load
 
     project = with_chart(bench.project)
-    photos = photo_set(project, usable_cameras(project)[0])
+    cameras = usable_cameras(project)[0]
+    polarized = project.settings.light.kind == "polarized"
+    photos = photo_pairs(project, cameras).crossed if polarized else photo_set(project, cameras)
 
     def tell(done: int, total: int) -> None:
         progress("texture", done, total, "")

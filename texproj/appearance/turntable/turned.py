@@ -72,13 +72,15 @@ Progress = Callable[[str, int, int], None]
 class Blended:
     """What the photos agree on at the vertices: rgb (V, 3) linear light, also where they see
     nothing; seen (V,) where they do. chart: what a color chart has made absolute in rgb; matrix:
-    (3, 3) linear light of photos to that, None without a chart.
+    (3, 3) linear light of photos to that, None without a chart; gloss: mean reflection that is none
+    of the paint's, 0 where polarizers kept it out.
     """
 
     rgb: Floats
     seen: Bools
     chart: Chart = "none"
     matrix: Doubles | None = None
+    gloss: float = GLOSS
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,7 +216,7 @@ class _Surface:
                 reflected[rows] = albedo * scale
                 sure[rows] = _confidence(seen, irradiance, albedo)
                 progress(rows.stop)
-        return base_color(reflected), reflected, sure, scale
+        return base_color(reflected, self._blend.gloss), reflected, sure, scale
 
     def _irradiance(
         self, found: _Found, field: BounceField, rows: slice, seen: Sightings
@@ -238,7 +240,7 @@ class _Surface:
             return charted / np.pi
         tint = np.exp(np.log(light).mean(axis=0)) if self._blend.chart == "none" else charted
         albedo = albedo_of(found.lit.seen, light)[found.lit.seen.number > 0] * tint
-        return tint * (MEAN_ALBEDO + GLOSS) / float((albedo @ LUMINANCE).mean())
+        return tint * (MEAN_ALBEDO + self._blend.gloss) / float((albedo @ LUMINANCE).mean())
 
     def _in_chart(self, seen: Sightings) -> Sightings:
         """In the colors of the chart, as bright as the blend."""
