@@ -38,9 +38,9 @@ MOST = np.float32(0.6)
 GRAZING = np.float32(0.05)
 """Cosine to eye and lamp that a tilted point has at least, since it was seen and lit."""
 
-LEAST_DROP = 0.25
-"""Part by which the cost of a point has to fall for its tilt to be believed: noise gives a tenth,
-where the mesh is right."""
+LEAST_DROP, LEAST_FALL = 0.25, 0.05
+"""Part by which the cost of a point has to fall for its tilt to be believed, and by how much at
+least: noise has a cost of .5."""
 
 ENOUGH = 5
 """Observations that tell a tilt: fewer fit color and tilt whatever they show."""
@@ -127,7 +127,8 @@ def tilts(turning: Turning, values: Floats, held: Bools, color: Floats) -> Tilts
             np.where(better[:, None], trial.color, best.color),
             np.where(better, trial.cost, best.cost),
         )
-    believed = (seen.number >= ENOUGH) & (best.cost < (1 - LEAST_DROP) * plain.cost)
+    limit = np.minimum((1 - LEAST_DROP) * plain.cost, plain.cost - LEAST_FALL)
+    believed = (seen.number >= ENOUGH) & (best.cost < limit)
     where = believed[:, None]
     return Tilts(np.where(where, tilt, 0), np.where(where, best.color, plain.color), believed)
 
