@@ -29,7 +29,7 @@ from texproj.resources.scratch import Scratch
 from texproj.stages.appearance_files import write_textured
 from texproj.stages.lighting import Pages
 from texproj.stages.writing import output_plan
-from texproj.unwrap.tangent_frames import colors_as_directions
+from texproj.tangent_frames import colors_as_directions
 from texproj.unwrap.unwrap import unwrap
 
 SLOPE = 0.25

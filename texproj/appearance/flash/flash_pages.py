@@ -26,8 +26,8 @@ from texproj.mesh import Mesh, NormalMap
 from texproj.photo import srgb_from_linear
 from texproj.render import Renderer
 from texproj.resources.scratch import Scratch
+from texproj.tangent_frames import FLAT, directions_as_colors, tangent_frames
 from texproj.unwrap.atlas import Atlas
-from texproj.unwrap.tangent_frames import FLAT, directions_as_colors, tangent_frames
 
 TOP = 255
 

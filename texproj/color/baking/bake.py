@@ -25,8 +25,8 @@ from texproj.opencv import opencv_places
 from texproj.options import UnwrapOptions
 from texproj.resources.scratch import Scratch
 from texproj.resources.threads import in_parallel
+from texproj.tangent_frames import FLAT, directions_as_colors, tangent_frames
 from texproj.unwrap.stretch import flat_areas
-from texproj.unwrap.tangent_frames import FLAT, directions_as_colors, tangent_frames
 from texproj.unwrap.unwrap import unwrap
 
 ROW = 1 << 14
