@@ -88,8 +88,8 @@ def points_of(
     surfel = samples.points.surfel(number)
     for piece in samples.store.pieces(number):
         part = Surfel(surfel.xyz[piece], surfel.normal[piece])
-        stack = samples.store.read(number, piece)
-        seen = observe(part, stack, found.flashes, found.lamp, samples.shadows)
+        shown = samples.read(number, piece)
+        seen = observe(part, shown, found.flashes, found.lamp, samples.shadows)
         around = found.field.at(part, seen.point, seen.photo)
         yield piece, part, replace(seen, around=around)
 
