@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -22,8 +22,7 @@ from texproj.stages.crossing import (
 from texproj.stages.progress import Progress
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from texproj.appearance.flash.flash_pages import SurfacePages
     from texproj.appearance.flash.lamp import Lamp
     from texproj.appearance.natural import Chart
     from texproj.appearance.recovered import Appearance
@@ -39,13 +38,12 @@ LightKind = Literal["natural", "flash", "turntable", "polarized"]
 
 @dataclass(frozen=True, eq=False)
 class Pages:
-    """A texture of base colors; orm: of each page (h, w, 3) uint8 occlusion, roughness, metallic;
-    confidence: of each page (h, w) uint8. Both None where the light tells nothing of gloss.
+    """A texture of base colors; surface: what else a flash tells on its pages, None where the light
+    tells nothing of gloss.
     """
 
     base: Texture
-    orm: tuple[NDArray[np.uint8], ...] | None = None
-    confidence: tuple[NDArray[np.uint8], ...] | None = None
+    surface: SurfacePages | None = None
 
 
 def kind_of(project: Project, found: Appearance | None = None) -> LightKind:
@@ -259,8 +257,8 @@ def _pages(bench: Workbench, appearance: Appearance, colored: Texture, progress:
     def tell(done: int) -> None:
         progress("flash", done, len(photos), "")
 
-    made: Any = flash_pages(given, photos, bench.renderer, appearance, tell)
-    return Pages(made.base, made.orm, made.confidence)
+    made = flash_pages(given, photos, bench.renderer, appearance, tell)
+    return Pages(made.base, made)
 
 
 def _blending(options: ColorOptions, to: Target) -> ColorOptions:
