@@ -45,14 +45,18 @@ end_header
 """
 
 
-def make_photos(root: Path, count: int) -> Project:
-    """A project of so many different small photos, of which nothing is known."""
+def make_photos(root: Path, count: int, side: int = 0) -> Project:
+    """A project of so many different small photos, of which nothing is known. side: of square ones
+    with a pattern in which features are found, pixels, if not 0.
+    """
     for folder in ("mesh", "photos"):
         (root / folder).mkdir(parents=True)
     (root / "mesh" / "scan.ply").write_text(MESH)
     rng = np.random.default_rng(0)
     for k in range(count):
         picture = rng.integers(0, 255, (40, 60, 3), np.uint8)
+        if side:
+            picture = cv2.resize(picture, (side, side), interpolation=cv2.INTER_CUBIC)
         cv2.imwrite(str(root / "photos" / f"IMG_{k:05d}.png"), picture)
     return Project.open(root)
 

@@ -90,7 +90,17 @@ POSES = [{"file_path": "images/one.jpg", "transform": np.eye(4)[:3].tolist()}]
 CHUNK_TRANSFORM = """<transform><rotation>1 0 0 0 1 0 0 0 1</rotation><translation>0 0 0
 </translation><scale>2</scale></transform></chunk>"""
 
+RIG = (
+    text_of("metashape", "cameras.xml")
+    .replace(
+        "</sensor>", "<rotation>1 0 0 0 1 0 0 0 1</rotation><location>1 0 0</location></sensor>"
+    )
+    .replace('label="two.png"', 'label="two.png" master_id="0"')
+)
+RIG = RIG[: RIG.rindex("<transform>")] + RIG[RIG.rindex("</transform>") + len("</transform>") :]
+
 TEXTS = {
+    "metashape rig": ("cameras.xml", RIG),
     "bundler": ("bundle.out", text_of("bundler", "bundle.out")),
     "meshlab": ("cameras.mlp", text_of("meshlab", "cameras.mlp")),
     "metashape": (

@@ -84,6 +84,7 @@ def color(
     /,
     *,
     flags: ColorFlags = None,
+    cluster: Cluster = None,
     json: Json = False,
     verbose: Verbose = False,
 ) -> int:
@@ -94,7 +95,7 @@ def color(
     from texproj.stages.coloring import color_project  # noqa: PLC0415
 
     with project_at_work(folder, flags, verbose, "color") as project:
-        return run_stage(project, json, color_project)
+        return run_stage(project, json, color_project, cluster)
 
 
 def appearance(

@@ -23,13 +23,15 @@ T = TypeVar("T")
 LOG = logging.getLogger("texproj")
 
 MOST_LOCAL = 256
-CONNECT_S = 10
-"""Seconds to find a scheduler: it is there or it is not."""
+CONNECT_S, CLOSE_S = 10, 2
+"""Seconds to find a scheduler: it is there or it is not; to take leave of one that may be gone."""
 ALONE_S = 60
 """Seconds without any worker after which nobody will come: one that died is back before."""
 SILENT = "60 s"
 """After which a worker of this machine that gives no sign of life is taken for dead: reading the
 largest mesh keeps one silent for half of that."""
+QUIET = re.compile(r"(distributed|bokeh|tornado)\b")
+"""Loggers of others; each has a level and a way to the terminal of its own."""
 MISSING = "--cluster needs Dask, which is not installed: pip install distributed bokeh"
 
 
@@ -133,7 +135,7 @@ def cluster_at(address: str) -> Iterator[Cluster]:
         import distributed  # noqa: PLC0415 - slow to load, and an extra
     except ImportError:
         raise UsageError(MISSING) from None
-    for name in ("distributed", "bokeh"):
+    for name in filter(QUIET.match, [*logging.root.manager.loggerDict]):
         logging.getLogger(name).setLevel(logging.CRITICAL)  # we say what matters ourselves
     with _cluster_here(int(local[1])) if local else nullcontext() as here:
         try:
@@ -147,7 +149,7 @@ def cluster_at(address: str) -> Iterator[Cluster]:
             yield cluster
         finally:
             with suppress(Exception):  # it may be gone already; nothing is lost with it
-                client.close(timeout=CONNECT_S)
+                client.close(timeout=CLOSE_S)
 
 
 @contextmanager
@@ -166,7 +168,7 @@ def _cluster_here(count: int) -> Iterator[Any]:
         yield here
     finally:
         with suppress(Exception):
-            here.close(timeout=CONNECT_S)
+            here.close(timeout=CLOSE_S)
 
 
 def _await_workers(cluster: Cluster) -> None:

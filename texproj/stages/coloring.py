@@ -110,7 +110,7 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
     inputs = _inputs(project)
     check_levels(project.settings.color, project.settings.output)
     notes = layout_notes(bench)
-    colors, write = _made(bench, photo_set(project, cameras), progress)
+    colors, write = _made(bench, _projected_by_crew(bench, photo_set(project, cameras)), progress)
     failed |= colors.failed
     if not set(cameras) - set(failed):
         raise InputError(f"no photo could be read: {'; '.join(failed.values())}")
@@ -228,6 +228,15 @@ def photo_set(project: Project, cameras: Mapping[str, Camera]) -> PhotoSet:
         return attended(name, partial(project.load_photo, name, cut=cut))
 
     return PhotoSet(tuple(cameras), tuple(cameras.values()), read)
+
+
+def _projected_by_crew(bench: Workbench, photos: PhotoSet) -> PhotoSet:
+    """The photos, which the workers of a cluster project, if one was asked for."""
+    if bench.crew is None:
+        return photos
+    from texproj.stages.projection_tasks import ProjectionByCrew  # noqa: PLC0415 - slow to load
+
+    return replace(photos, elsewhere=ProjectionByCrew(bench.crew, bench.project))
 
 
 def _made(

@@ -12,6 +12,7 @@ from texproj.formats.foreign import Broken
 from texproj.formats.meshes.gltf import gltf_parts, placed_together
 from texproj.formats.meshes.gltf_document import GltfDocument
 from texproj.formats.meshes.gltf_layout import gltf_layout
+from texproj.formats.meshes.kinds import MESH_SUFFIXES
 from texproj.formats.meshes.obj import ObjFile
 from texproj.formats.meshes.off import read_off
 from texproj.formats.meshes.ply import ply_header, read_ply
@@ -19,8 +20,6 @@ from texproj.formats.meshes.ply_layout import ply_layout
 from texproj.formats.meshes.polygons import Faces, Vertices
 from texproj.formats.meshes.scene import read_stl
 from texproj.layout import Layout
-
-MESH_SUFFIXES = (".ply", ".obj", ".stl", ".off", ".glb", ".gltf")
 
 MOST_BYTES = 32 << 30
 """The file is read whole; 300 million faces take less."""

@@ -14,6 +14,7 @@ from texproj.formats.models.binary import Box, Document
 from texproj.formats.models.draco import DracoDocument, fineness_of
 from texproj.formats.models.page_names import UNTEXTURED, page_names
 from texproj.formats.models.precision import single_is_enough
+from texproj.layout import Surface, SurfaceMap
 from texproj.mesh import ColoredMesh, Parts, TexturedMesh
 from texproj.photo import linear_from_srgb
 from texproj.provenance import GENERATOR, NOTHING, Provenance
@@ -84,6 +85,8 @@ def write_glb(
     content["asset"] = asset_of(provenance)
     if images:
         content |= textures([document.view(image) for image in images], image_format)
+        if model.parts is not None:
+            _add_surfaces(document, content, model.parts.surfaces)
         if model.parts is not None and not _in_one_tile(model.parts.uv_down):
             content["samplers"] = [SAMPLER | {"wrapS": REPEAT, "wrapT": REPEAT}]
     needed = IMAGE_EXTENSIONS.get(image_format, "") if images else ""
@@ -277,6 +280,37 @@ def _arrays(
         if model.normal_map is not None and model.normals is not None:
             attributes["TANGENT"] = model.normal_map.tangents[texel]
     return attributes, indices.ravel()
+
+
+def _add_surfaces(document: Document, content: dict[str, Any], surfaces: Sequence[Surface]) -> None:
+    """Put into the materials of the pages what those of the mesh said beside their colors; an
+    image that several share is there once.
+    """
+    known: dict[Any, int] = {}
+    for material, surface in zip(content["materials"], surfaces, strict=False):
+        pbr = material["pbrMetallicRoughness"]
+        factors = {"roughnessFactor": surface.roughness, "metallicFactor": surface.metallic}
+        pbr |= {key: float(np.clip(f, 0, 1)) for key, f in factors.items() if f is not None}
+        for one in surface.maps:
+            if one.image not in known:
+                blob = (
+                    one.image if isinstance(one.image, Path) else np.frombuffer(one.image, np.uint8)
+                )
+                image = {"mimeType": one.mime, "bufferView": document.view(blob)}
+                content["images"].append(image)
+                content["textures"].append({"sampler": 0, "source": len(content["images"]) - 1})
+                known[one.image] = len(content["textures"]) - 1
+            _put_map(material, one, known[one.image])
+
+
+def _put_map(material: dict[str, Any], one: SurfaceMap, texture: int) -> None:
+    told: dict[str, Any] = {"index": texture}
+    if one.role == "metallicRoughnessTexture":
+        material["pbrMetallicRoughness"][one.role] = told
+        return
+    if one.strength != 1:
+        told["scale" if one.role == "normalTexture" else "strength"] = one.strength
+    material[one.role] = told
 
 
 def _pairs(
