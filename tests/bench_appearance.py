@@ -47,7 +47,7 @@ from texproj.render import ambient_occlusion, open_renderer
 from texproj.render.directions import cosine_directions
 from texproj.stages.coloring import photo_set, usable_cameras
 
-LAMPS = ((0.5, 0.6), (-0.9, 0.2), (1.3, 0.9), (-0.3, 1.2))
+LAMPS = ((0.5, 0.6), (-0.9, 0.2))
 """Azimuth from the camera's and elevation, radians, of lamps that relight the piece."""
 
 SCALES = np.exp(np.linspace(-1.5, 1.5, 61))
@@ -108,7 +108,7 @@ def relit(made: Set, albedo, found, blend) -> None:
     """PSNR of the piece by lamps elsewhere, each color at its best scale; albedo: of the truth."""
     lamps = []
     for turn, (azimuth, elevation) in enumerate(LAMPS):
-        camera = list(made.cameras.values())[3 * turn]
+        camera = list(made.cameras.values())[5 * turn]
         away = camera.center - made.mesh.center
         around = np.arctan2(away[1], away[0]) + azimuth
         toward = [np.cos(elevation) * np.cos(around), np.cos(elevation) * np.sin(around)]
@@ -119,7 +119,7 @@ def relit(made: Set, albedo, found, blend) -> None:
     def drawn(mesh: Mesh, rgb) -> list[np.ndarray]:
         flat = np.zeros(len(rgb), np.float32)
         room = DarkRoom(mesh, Truth(np.clip(rgb, 0.003, 0.99), flat + 0.7, flat, flat))
-        return [room.taken(camera, place, power, 24, 5) for camera, place in lamps]
+        return [room.taken(camera, place, power, 16, 5) for camera, place in lamps]
 
     shots = [Shot(*lamp, power, x) for lamp, x in zip(lamps, drawn(made.true, albedo), strict=True)]
     line = []

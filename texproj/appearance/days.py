@@ -40,7 +40,7 @@ def of_several_days(
             NO_DAY.format(first.reason), False, first.verdict,
         )  # fmt: skip
     best = max(told.values(), key=lambda day: float(day.confidence.sum()))
-    total = np.zeros(blend.shape)
+    total = np.zeros_like(blend)
     weight = np.zeros(len(blend), np.float32)
     lights: dict[str, NaturalLight] = {}
     for name, day in told.items():
@@ -51,9 +51,9 @@ def of_several_days(
         total += day.confidence[:, None] * day.base * factor
         weight += day.confidence
     known = weight > 0
-    mean = np.clip(total / np.maximum(weight, 1e-9)[:, None], 0, 1)
-    base = fill_vertices(mesh, mean.astype(np.float32), known)
-    sure = weight / len(lights)
+    mean = total / np.maximum(weight, 1e-9)[:, None]
+    base = fill_vertices(mesh, np.clip(mean, 0, 1).astype(np.float32), known)
+    sure = weight / np.float32(len(lights))
     return Appearance(
         base, best.roughness, best.metallic, blend / (base + np.float32(GLOSS)), sure,
         DaysLight(lights), True, "", best.absolute, best.verdict,
