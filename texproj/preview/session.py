@@ -29,6 +29,8 @@ from texproj.preview.memory import chosen_up
 from texproj.preview.photos import Pictures, photo_facts
 from texproj.preview.surface import Surface
 from texproj.project import Project
+from texproj.stages.appearance_files import MODEL_GLB
+from texproj.stages.appearing import STAGE as APPEARANCE
 from texproj.stages.bench import Workbench
 from texproj.stages.progress import Cancelled, Progress
 
@@ -124,6 +126,7 @@ class Session:
             "photos": [photo_facts(project, name, entries.get(name)) for name in names],
             "excluded": list(project.settings.exclude),
             "to": project.settings.color.to,
+            "lit": lit_texture(project),
             "up": chosen_up(project),
             "report": None if leaves(report, self.root) else stamp(report),
             "models": {name: shown_stamp(project.out / name, self.root) for name in MODEL_FILES},
@@ -205,6 +208,12 @@ class Session:
 
 
 KEPT_VALUES = 8
+
+
+def lit_texture(project: Project) -> bool:
+    """Whether out/model.glb is that of `appearance`, which has base colors."""
+    made = (project.load_record(APPEARANCE) or {}).get("outputs", {}).get(MODEL_GLB)
+    return made is not None and made == project.hash_of(project.out / MODEL_GLB)
 
 
 def stamp(path: Path) -> str | None:

@@ -82,7 +82,7 @@ def judged(found: Found, held: list[int]) -> FlashVerdict:
     )
     told = [slope * color[test.point] + zero for slope, color in zip(slopes, fits[:2], strict=True)]
     told.append(predicted(*labelled_terms(test, found.kinds, found.label), test, fits[2]))
-    plain, matte, lit = (_psnr(test, one, len(found.flashes.cameras)) for one in told)
+    plain, matte, lit = (psnr_at_best_output(test, one, len(found.flashes.cameras)) for one in told)
     known = seen.number > 0
     share = float((seen.nearest_highlight() >= HIGHLIGHT)[known].mean()) if known.any() else 0.0
     good = len(test.point) >= FEWEST and lit - plain >= LEAST_GAIN_DB and lit >= matte
@@ -96,8 +96,8 @@ def plain_color(seen: Observations) -> Floats:
     return np.divide(total, weight, dtype=np.float32)
 
 
-def _psnr(test: Observations, told: Floats, photos: int) -> float:
-    """Of each photo at its best output."""
+def psnr_at_best_output(test: Observations, told: Floats, photos: int) -> float:
+    """Decibels as shown (sRGB), of each photo at its best output; 0 without an observation."""
     if not len(test.point):
         return 0.0
     gain = photo_gains(test, told, photos)
