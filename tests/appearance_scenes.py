@@ -17,7 +17,7 @@ from texproj.arrays import Doubles, Floats
 from texproj.camera import Camera, Intrinsics, Pose
 from texproj.demo.object import carved, piece, scanned
 from texproj.demo.pattern import Pattern, painted
-from texproj.mesh import Mesh, vertex_normals
+from texproj.mesh import Mesh, face_areas, vertex_normals
 from texproj.photo import srgb_from_linear
 
 VARIANT = os.environ.get("MITSUBA_VARIANT", "scalar_rgb")
@@ -106,9 +106,76 @@ def natural_set(
     return Set(scan, albedo, cameras, pictures, light, true)
 
 
+def turntable_set(
+    kind: Literal["stele", "capital"], photos: int = 24, samples: int = 32, seed: int = 3
+) -> Set:
+    """A piece that is turned on a gray plate before a white wall, the camera at two heights: a soft
+    lamp to its left, a weaker one to its right. light: none of the sun and sky.
+    """
+    import mitsuba as mi
+
+    mi.set_variant(VARIANT)
+    made = piece(kind, seed)
+    true = carved(made, 120_000)
+    scan = scanned(made, 40_000, 0.0004, seed)
+    pattern = painted(seed)
+    shape = _shape(mi, true, pattern(true.vertices.astype(np.float32)), False)
+    rng = np.random.default_rng(seed)
+    cameras, pictures = {}, {}
+    for number in range(photos):
+        turn = 2 * np.pi * (number + 0.5 * (number % 2)) / photos + rng.uniform(-0.05, 0.05)
+        camera = _at(scan, turn, np.radians((12.0, 36.0)[number % 2]))
+        scene = mi.load_dict(_studio(mi, scan, turn) | {"piece": shape})
+        radiance = _taken(mi, scene, camera, samples, number)
+        name = f"IMG_{number:03d}.png"
+        cameras[name], pictures[name] = camera, developed(radiance, seed * 100 + number)
+    return Set(scan, as_pixels_show(pattern, scan), cameras, pictures, DAYS["cloudy"], true)
+
+
+def _studio(mi: Any, mesh: Mesh, turn: float) -> dict[str, Any]:
+    """Lamps, wall and plate of a room whose camera is at an azimuth."""
+    d, foot = mesh.diagonal, float(mesh.bounds[0, 2])
+    gray = {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.4, 0.4, 0.38]}}
+    white = {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.75, 0.74, 0.7]}}
+
+    def panel(azimuth: float, elevation: float, far: float, half: float) -> Any:
+        a, e = turn + azimuth, elevation
+        toward = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+        place = mesh.center + toward * far * d
+        to = mi.ScalarTransform4f().look_at(
+            origin=place.tolist(), target=mesh.center.tolist(), up=[0, 0, 1]
+        )
+        return to @ mi.ScalarTransform4f().scale([half * d] * 3)
+
+    def lamp(where: Any, radiance: tuple[float, float, float]) -> dict[str, Any]:
+        light = {"type": "area", "radiance": {"type": "rgb", "value": list(radiance)}}
+        return {"type": "rectangle", "to_world": where, "emitter": light}
+
+    plate = mi.ScalarTransform4f().translate([0, 0, foot - 1e-3 * d])
+    return {
+        "type": "scene",
+        "integrator": {"type": "path", "max_depth": DEPTH},
+        "room": {"type": "constant", "radiance": {"type": "rgb", "value": [0.2, 0.19, 0.18]}},
+        "key": lamp(panel(0.8, 0.75, 1.8, 0.28), (21.0, 19.8, 17.7)),
+        "fill": lamp(panel(-1.0, 0.3, 1.6, 0.4), (2.8, 3.0, 3.4)),
+        "wall": {
+            "type": "rectangle", "to_world": panel(np.pi, 0.0, 1.6, 2.0),
+            "bsdf": {"type": "twosided", "inner": white},
+        },
+        "plate": {
+            "type": "disk", "bsdf": gray,
+            "to_world": plate @ mi.ScalarTransform4f().scale([0.75 * d] * 3),
+        },
+    }  # fmt: skip
+
+
 def as_pixels_show(pattern: Pattern, mesh: Mesh) -> Floats:
-    """(V, 3) albedo averaged over what a pixel, sampled bilinearly, shows of the surface."""
-    width = DISTANCE * mesh.diagonal * 2 * np.tan(np.radians(FIELD_DEG) / 2) / SIZE[0]
+    """(V, 3) albedo averaged over what a pixel, sampled bilinearly, shows of the surface, of the
+    level of the photo whose pixels are as large as a vertex is wide.
+    """
+    pixel = DISTANCE * mesh.diagonal * 2 * np.tan(np.radians(FIELD_DEG) / 2) / SIZE[0]
+    spacing = np.sqrt(face_areas(mesh).sum() / len(mesh.vertices))
+    width = pixel * 2 ** max(0, np.round(np.log2(spacing / pixel)))
     normals = vertex_normals(mesh)
     rng = np.random.default_rng(1)
     total = np.zeros(mesh.vertices.shape)
@@ -169,23 +236,27 @@ def _shape(mi: Any, mesh: Mesh, albedo: Floats, metal: bool) -> Any:
 def all_around(mesh: Mesh, photos: int, seed: int) -> list[Camera]:
     """Cameras on three rings around the piece."""
     rng = np.random.default_rng(seed)
-    w, h = SIZE
-    f = w / 2 / np.tan(np.radians(FIELD_DEG) / 2)
     out = []
     for k in range(photos):
         azimuth = 2 * np.pi * (k + rng.uniform(-0.2, 0.2)) / photos
-        elevation = np.radians((8.0, 30.0, 55.0)[k % 3])
-        toward = np.array([
-            np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth),
-            np.sin(elevation),
-        ])  # fmt: skip
-        center = mesh.center + toward * mesh.diagonal * DISTANCE
-        z = -toward
-        x = np.cross(z, [0, 0, 1.0])
-        x /= np.linalg.norm(x)
-        R = np.stack([x, np.cross(z, x), z])
-        out.append(Camera(Intrinsics(w, h, f, f, w / 2, h / 2), Pose(R, -R @ center)))
+        out.append(_at(mesh, azimuth, np.radians((8.0, 30.0, 55.0)[k % 3])))
     return out
+
+
+def _at(mesh: Mesh, azimuth: float, elevation: float) -> Camera:
+    """A camera that looks at the piece's middle."""
+    w, h = SIZE
+    f = w / 2 / np.tan(np.radians(FIELD_DEG) / 2)
+    toward = np.array([
+        np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth),
+        np.sin(elevation),
+    ])  # fmt: skip
+    center = mesh.center + toward * mesh.diagonal * DISTANCE
+    z = -toward
+    x = np.cross(z, [0, 0, 1.0])
+    x /= np.linalg.norm(x)
+    R = np.stack([x, np.cross(z, x), z])
+    return Camera(Intrinsics(w, h, f, f, w / 2, h / 2), Pose(R, -R @ center))
 
 
 def sensor(mi: Any, camera: Camera, samples: int) -> Any:

@@ -6,7 +6,7 @@ camera with a pose, in plain arithmetic that shares nothing with texproj, and re
 
 import json
 import struct
-from math import cos, hypot, radians, sin, sqrt
+from math import atan, atan2, cos, hypot, pi, radians, sin, sqrt
 from urllib.parse import unquote
 from xml.etree import ElementTree as ET
 
@@ -45,6 +45,17 @@ def seen_down_z(q, f, c, lens=(0, 0, 0, 0, 0)):
 def seen_down_minus_z(q, f, c, lens=(0, 0, 0, 0, 0)):
     """The same for a camera that looks along -z with y up."""
     return seen_down_z((q[0], -q[1], -q[2]), f, c, lens)
+
+
+def seen_round(q, matrix, c, polynomial):
+    """Pixel of a point in Pix4D's and Bentley's fisheye that looks along z with y down: theta is
+    2 / pi arctan(R / z), rho = p0 + p1 theta + ..., then a matrix by rows.
+    """
+    far = hypot(q[0], q[1])
+    theta = 2 / pi * atan2(far, q[2])
+    rho = sum(p * theta**i for i, p in enumerate(polynomial))
+    x, y = rho * q[0] / far, rho * q[1] / far
+    return matrix[0] * x + matrix[1] * y + c[0], matrix[2] * x + matrix[3] * y + c[1]
 
 
 def only(files, ending):
@@ -92,6 +103,12 @@ def blocks_exchange(files, point, size):
     else:
         R = [[float(turn.findtext(f"M_{i}{j}")) for j in range(3)] for i in range(3)]
     q = times(R, minus(point, [float(pose.findtext(f"Center/{axis}")) for axis in "xyz"]))
+    if group.findtext("CameraModelType") == "Fisheye":
+        matrix = [value(f"FisheyeFocalMatrix/M_{i}{j}") for i in (0, 1) for j in (0, 1)]
+        down = q if group.findtext("CameraOrientation") == "XRightYDown" else (q[0], -q[1], -q[2])
+        center = value("PrincipalPoint/x") + 0.5, value("PrincipalPoint/y") + 0.5
+        terms = [value(f"FisheyeDistortion/P{i}") for i in range(5)]
+        return seen_round(down, matrix, center, terms)
     f = value("FocalLengthPixels")
     f = value("FocalLength") / value("SensorSize") * max(size) if f is None else f
     lens = [value(f"Distortion/{key}") for key in ("K1", "K2", "K3", "P2", "P1")]
@@ -123,6 +140,9 @@ def opf(files, point, size):
     turn = zip("xyz", camera["orientation_deg"], strict=True)
     R = product(*(about(axis, angle) for axis, angle in turn))
     q = times(transposed(R), minus(point, camera["position"]))
+    if lens["type"] == "fisheye":
+        down = (q[0], -q[1], -q[2])
+        return seen_round(down, lens["affine"], lens["principal_point_px"], lens["polynomial"])
     (p1, p2), f = lens["tangential_distortion"], lens["focal_length_px"]
     bent = (*lens["radial_distortion"], p2, p1)
     return seen_down_minus_z(q, (f, f), lens["principal_point_px"], bent)
@@ -176,7 +196,11 @@ def micmac(files, point, size):
     d = [p - q for p, q in zip(point, c, strict=True)]
     turn = [row(ori, f"L{i}") for i in (1, 2, 3)]
     q = [sum(turn[i][j] * d[i] for i in range(3)) for j in range(3)]
-    (f,), (px, py), (mx, my) = row(lens, "F"), row(lens, "PP"), row(lens, "CDist")
+    (f,), (px, py) = row(lens, "F"), row(lens, "PP")
+    if "<ModUnif>" in lens:
+        ideal = px + f * q[0] / q[2], py + f * q[1] / q[2]
+        return micmac_round(ideal, "EquiSolid" in lens, row(lens, "Etats")[0], lens)
+    mx, my = row(lens, "CDist")
     x, y = px + f * q[0] / q[2] - mx, py + f * q[1] / q[2] - my
     r2 = x * x + y * y
     terms = [float(part.split("<")[0]) for part in lens.split("<CoeffDist>")[1:]]
@@ -187,6 +211,24 @@ def micmac(files, point, size):
     u = x * scale + p1 * (r2 + 2 * x * x) + 2 * p2 * x * y + b1 * x + b2 * y
     v = y * scale + p2 * (r2 + 2 * y * y) + 2 * p1 * x * y
     return mx + u, my + v
+
+
+def micmac_round(ideal, equisolid, f, lens):
+    """phgr_ebner_brown_dist.cpp: an ideal pixel to the plane of angles, 10 radial terms, pairs
+    and 2 terms of first degree.
+    """
+    told = [float(part.split("<")[0]) for part in lens.split("<Params>")[1:]]
+    a, b = (ideal[0] - told[0]) / f, (ideal[1] - told[1]) / f
+    r = hypot(a, b)
+    angle = 2 * sin(atan(r) / 2) if equisolid else atan(r)
+    x, y = a * angle / r, b * angle / r
+    r2 = x * x + y * y
+    radial = 1 + sum(k * r2 ** (i + 1) for i, k in enumerate(told[2:12]))
+    p, q = told[12:14]
+    assert not any(told[14:22])
+    u = x * (radial + told[22]) + y * told[23] + p * (r2 + 2 * x * x) + 2 * q * x * y
+    v = y * radial + x * told[23] + q * (r2 + 2 * y * y) + 2 * p * x * y
+    return told[0] + f * u, told[1] + f * v
 
 
 def arkit(files, point, size):
@@ -318,3 +360,6 @@ def nerfstudio_poses(files, point, size):
     q = times(transposed([row[:3] for row in rows]), offset)
     bent = (lens["k1"], lens["k2"], 0, lens["p2"], lens["p1"])
     return seen_down_minus_z(q, (lens["fl_x"], lens["fl_y"]), (lens["cx"], lens["cy"]), bent)
+
+
+blocks_exchange_fisheye = blocks_exchange

@@ -105,8 +105,11 @@ class Read:
         """(h, w, 3) uint8 image of a material."""
         (entry,) = [m for m in self.content["materials"] if m["name"] == material]
         texture = entry["pbrMetallicRoughness"]["baseColorTexture"]["index"]
+        return np.asarray(Image.open(io.BytesIO(self.image(texture))).convert("RGB"))
+
+    def image(self, texture):
+        """The bytes of the image of a texture."""
         image = self.content["images"][self.content["textures"][texture]["source"]]
         view = self.content["bufferViews"][image["bufferView"]]
         start = view.get("byteOffset", 0)
-        data = self.blob[start : start + view["byteLength"]]
-        return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
+        return self.blob[start : start + view["byteLength"]]

@@ -5,17 +5,23 @@ python tests/make_reference.py
 
 import re
 import textwrap
+from collections.abc import Iterable
 from dataclasses import Field, fields
 from pathlib import Path
 from typing import Any
 
 from texproj.cli.commands import app
 from texproj.formats.interchange import FORMATS
+from texproj.formats.meshes import MESH_KINDS
+from texproj.formats.models import MODEL_KINDS
+from texproj.formats.photos import KINDS, PIXELS
 from texproj.options import is_expert, meanings
 from texproj.settings import SECTIONS
 
 CHECKOUT = Path(__file__).resolve().parent.parent
 WIDTH = 100
+MOST_ENDINGS = 8
+"""Of files' names that a table lists."""
 
 
 def commands() -> str:
@@ -71,20 +77,52 @@ def _toml(value: Any) -> str:
 
 def camera_formats() -> str:
     """A table of the formats in which cameras come and go."""
-    lines = [
-        "| `--format` | programs | files | import | export | read by |",
-        "|---|---|---|---|---|---|",
-    ]
-    for form in FORMATS:
-        ways = ("yes" if way else "" for way in (form.read, form.write))
-        cells = (f"`{form.name}`", form.programs, form.files, *ways, form.accepted)
-        lines.append(f"| {' | '.join(cells)} |".replace("|  |", "| |"))
-    return "\n".join(lines)
+    head = ("`--format`", "programs", "files", "import", "export", "read by")
+    rows = (
+        (f"`{form.name}`", form.programs, form.files,
+         *("yes" if way else "" for way in (form.read, form.write)), form.accepted)
+        for form in FORMATS
+    )  # fmt: skip
+    return _table(head, rows)
+
+
+def photo_kinds() -> str:
+    """A table of the kinds of photos."""
+    rows = ((kind, _endings(KINDS[kind]), *PIXELS[kind]) for kind in KINDS)
+    return _table(("photos", "endings", "what is read", "by"), rows)
+
+
+def mesh_kinds() -> str:
+    """A table of the kinds of meshes."""
+    rows = ((kind.name, " ".join(kind.suffixes), kind.brings, kind.tried) for kind in MESH_KINDS)
+    return _table(("meshes", "endings", "what is taken", "files of the tests by"), rows)
+
+
+def model_kinds() -> str:
+    """A table of the models that are written."""
+    rows = ((f"`{k.name}`", k.files, k.made_from, k.colors, k.accepted) for k in MODEL_KINDS)
+    return _table(("`models`", "files", "made from", "colors", "read by"), rows)
+
+
+def _table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+    lines = [f"| {' | '.join(cells)} |".replace("|  |", "| |") for cells in (head, *rows)]
+    return "\n".join([lines[0], "|" + "---|" * len(head), *lines[1:]])
+
+
+def _endings(suffixes: tuple[str, ...]) -> str:
+    more = len(suffixes) - MOST_ENDINGS
+    told = " ".join(suffixes[:MOST_ENDINGS])
+    return f"{told} and {more} more" if more > 0 else told
 
 
 GENERATED = {
     "README.md": {"commands": commands},
-    "docs/files.md": {"camera formats": camera_formats},
+    "docs/files.md": {
+        "photos": photo_kinds,
+        "meshes": mesh_kinds,
+        "camera formats": camera_formats,
+        "models": model_kinds,
+    },
     "docs/settings.md": {"settings": settings, "expert settings": expert_settings},
 }
 """What stands between `<!-- name -->` and `<!-- end of name -->` in which file."""

@@ -16,12 +16,14 @@ from texproj.settings import read_settings
 UNTURNED, HEAD_OVER = np.eye(3), np.diag([1.0, -1.0, -1.0])
 
 
-def upright(turn=UNTURNED):
-    """Six photos of a wall, upward is -y, turned as a block is."""
+def upright(turn=UNTURNED, measured=()):
+    """Six photos of a wall, upward is -y, turned as a block is. measured: (3,) by some."""
     cameras = tuple(
         Camera(c.intrinsics, Pose(c.pose.R @ turn.T, c.pose.t)) for c in Wall(0).cameras.values()
     )
-    return Upright.of(SimpleNamespace(cameras=cameras), (0, -2, 0))
+    names = tuple("abcdef")
+    block = SimpleNamespace(cameras=cameras, names=names)
+    return Upright.of(block, (0, -2, 0), dict(zip(names, measured, strict=False)))
 
 
 def place(R, support):
@@ -40,6 +42,16 @@ def test_the_photos_know_what_is_upward_in_their_own_frame():
     assert known.holds(turn.T)
     assert not known.holds(HEAD_OVER @ turn.T)
     assert known.in_block @ turn @ (0, -1, 0) > np.cos(np.radians(10))
+
+
+def test_what_cameras_have_measured_counts_before_how_they_are_held():
+    """Two that look straight down, as from a drone: what is up in their pictures says nothing."""
+    down = (0.0, 0.0, -1.0)
+    ahead = [c.pose.R[2] for c in Wall(0).cameras.values()][:2]
+    known = upright(measured=(down, down, ()))
+
+    mean = np.mean(ahead, axis=0)
+    assert known.in_block @ mean < -0.999 * np.linalg.norm(mean)
 
 
 def test_a_quarter_of_all_rotations_is_tried_first():

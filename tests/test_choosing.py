@@ -104,7 +104,10 @@ def test_a_question_about_other_photos_is_none(asked):
     other = np.zeros((HEIGHT, WIDTH), np.uint8)
     cv2.imwrite(str(project.photo_path("0000.png")), other)
 
-    assert questions(Project.open(project.root)) == []
+    changed = Project.open(project.root)
+    assert questions(changed) == []
+    with pytest.raises(UsageError, match="its mesh or photos have changed since"):
+        choose(changed, 1)
 
 
 @pytest.mark.parametrize("answer", [3, -1, "1 or 2", [1]])

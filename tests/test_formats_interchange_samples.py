@@ -305,8 +305,40 @@ def test_metashape_georeferenced_chunk_is_told(tmp_path):
     assert "georeferenced" in read("metashape", metashape_file(tmp_path, after=after)).notes[0]
 
 
+RIGS = {
+    # second sensor: looks along the master's x, 3 in front of it; by hand: at (1, 0, 0) + (0, 0, 3)
+    "slave": ('master_id="0"', '<rotation locked="false">0 0 1 0 1 0 -1 0 0</rotation>'
+              "<location>0 0 3</location>", (1, 0, 3), (6, 1, 3), (1000, 950)),
+    "apart": ('master_id="0"', "<location>1 0 0</location>", (2, 0, 0), (3, 0, 5), (1200, 750)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_metashape_rigs(name, tmp_path):
+    """The other cameras of a rig stand where their sensors' places on it lead from the master's."""
+    attribute, place, center, point, expected = RIGS[name]
+    path = metashape_file(tmp_path)
+    text = path.read_text().replace(
+        'sensor_id="0" label="B"', 'sensor_id="1" master_id="0" label="B"'
+    )
+    second = (
+        f'<sensor id="1" type="frame" {attribute}>{place}<resolution width="2000" height="1500"/>'
+    )
+    second += '<calibration class="adjusted"><f>1000</f></calibration></sensor></sensors>'
+    path.write_text(text.replace("</sensors>", second))
+    model = read("metashape", path)
+
+    assert [camera.name for camera in model.cameras] == ["A", "B"]
+    assert model.cameras[1].camera.center == pytest.approx(center)
+    assert pixel(model, point, 1) == pytest.approx(expected)
+    assert not model.cameras[1].start_only
+    path.write_text(path.read_text().replace("</chunk>", f"{TRANSFORM}</chunk>"))
+    scaled = read("metashape", path)
+    assert "in which unit" in scaled.cameras[1].start_only and not scaled.cameras[0].start_only
+
+
 def test_metashape_rigs_and_disabled_cameras_say_what_to_do(tmp_path):
-    """Photos of a rig but the first have no pose of their own there; disabled cameras keep the
+    """Without a place on the rig its photos but the first have no pose; disabled cameras keep the
     pose of an earlier day.
     """
     path = metashape_file(tmp_path)

@@ -74,7 +74,7 @@ def write_glb(path, textured, images="png", **options):
     """The glb alone; its images come and go."""
     pages = [to_8_bit(page) for page in textured.pages]
     files = write_pages(path.with_name("page"), pages, images)
-    write_glb_with(path, textured, files, images, **options)
+    write_glb_with(path, textured, files, **options)
     for file in files:
         file.unlink()
 
@@ -325,10 +325,10 @@ def test_a_glb_without_any_texture_is_still_a_mesh(tmp_path):
 @pytest.mark.parametrize("kind", ["webp", "ktx2"])
 def test_an_image_by_extension_is_declared_as_required(tmp_path, kind):
     """Viewers that cannot show it say so; the textures name no other source."""
-    files = [tmp_path / "page_0", tmp_path / "page_1"]
+    files = [tmp_path / f"page_{i}.{kind}" for i in range(2)]
     for file in files:
         file.write_bytes(b"not looked at")
-    write_glb_with(tmp_path / "m.glb", model(), files, kind)
+    write_glb_with(tmp_path / "m.glb", model(), files)
     content, binary = glb_json(tmp_path / "m.glb")
     name = {"webp": "EXT_texture_webp", "ktx2": "KHR_texture_basisu"}[kind]
     assert content["extensionsRequired"] == [name]

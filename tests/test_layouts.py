@@ -1,5 +1,8 @@
 """Texture coordinates that a mesh brings: kept bit for bit, or left with a sentence."""
 
+import json
+import struct
+
 import numpy as np
 import pytest
 from color_scenes import camera, moved, pattern, picture, plane
@@ -144,6 +147,53 @@ def test_the_model_can_be_read_back_in_the_frame_of_the_scan(kept):
     corners = np.sort(model.vertices[model.faces].mean(axis=1).round(5), axis=0)
     wanted = np.sort(mesh.vertices[mesh.faces].mean(axis=1).round(5), axis=0)
     np.testing.assert_allclose(corners, wanted, atol=2e-5)
+
+
+# --- what is no color
+
+
+def with_maps(data, **material):
+    """A glb whose second material says more; its images serve as any map."""
+    length = struct.unpack("<I", data[12:16])[0]
+    content = json.loads(data[20 : 20 + length])
+    entry = content["materials"][1]
+    entry["pbrMetallicRoughness"] |= material.pop("pbr", {})
+    entry |= material
+    text = json.dumps(content).encode()
+    text += b" " * (-len(text) % 4)
+    rest = data[20 + length :]
+    head = struct.pack("<4sII", b"glTF", 2, 20 + len(text) + len(rest))
+    return head + struct.pack("<I4s", len(text), b"JSON") + text + rest
+
+
+def test_maps_of_a_kept_material_stay_with_it(renderer, tmp_path):
+    """Normals, roughness and occlusion of an artist's material, its factors and strengths, image by
+    image as they were; a map at other coordinates is none of these pages'. Colors are new.
+    """
+    odd = {"KHR_texture_transform": {"scale": [2, 2]}}
+    data = with_maps(
+        two_parts(), normalTexture={"index": 0, "scale": 0.5},
+        occlusionTexture={"index": 0, "extensions": odd},
+        pbr={"metallicRoughnessTexture": {"index": 1}, "roughnessFactor": 0.25},
+    )  # fmt: skip
+    (tmp_path / "a.glb").write_bytes(data)
+    mesh = loaded(tmp_path / "a.glb")
+    write(tmp_path / "out", mesh, colored(mesh, renderer), ("glb",))
+    before, after = Read(tmp_path / "a.glb"), Read(tmp_path / "out/model.glb")
+    gold = next(m for m in after.content["materials"] if m["name"] == "gold")
+    stone = next(m for m in after.content["materials"] if m["name"] == "Stone, rough")
+    surface = gold["pbrMetallicRoughness"]
+    assert (surface["roughnessFactor"], surface["metallicFactor"]) == (0.25, 1)
+    assert gold["normalTexture"]["scale"] == 0.5
+    assert "occlusionTexture" not in gold
+    assert after.image(gold["normalTexture"]["index"]) == before.image(0)
+    assert after.image(surface["metallicRoughnessTexture"]["index"]) == before.image(1)
+    assert after.image(surface["baseColorTexture"]["index"]) not in (
+        before.image(0),
+        before.image(1),
+    )
+    assert stone["pbrMetallicRoughness"]["metallicFactor"] == 0 and "normalTexture" not in stone
+    assert len(after.content["images"]) == 4
 
 
 # --- tiles, overlaps, what cannot be kept

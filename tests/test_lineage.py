@@ -11,7 +11,8 @@ from texproj.cli import main
 from texproj.photo import Correspondences
 from texproj.project import Project
 from texproj.records import CameraRecord
-from texproj.stages.lineage import Behind, in_order
+from texproj.stages.lineage import in_order
+from texproj.stages.neighborhood import Behind
 
 
 def command(capsys, *words) -> dict:

@@ -39,6 +39,14 @@ def test_names_that_are_no_text_do_not_stop_the_log(tmp_path, monkeypatch):
     assert "a\\udcff.jpg" in path.read_text()
 
 
+def test_a_name_with_a_line_break_makes_no_line_of_its_own(tmp_path):
+    """It could look like an entry; a traceback keeps its lines."""
+    with logged(tmp_path, "status") as path:
+        logger.warning("%s: refused", "a\n2026-01-01 INFO b\x1b[2J.jpg")
+
+    assert path.read_text().splitlines()[-1].endswith(r"a\n2026-01-01 INFO b\x1b[2J.jpg: refused")
+
+
 def test_a_log_that_cannot_be_written_is_one_sentence(tmp_path):
     """A file stands where the folder should be."""
     (tmp_path / "log").write_text("x")

@@ -9,8 +9,8 @@ from texproj.errors import InputError
 from texproj.project import Project
 from texproj.register.block.graph import PhotoGraph
 from texproj.solve.features import Features
-from texproj.stages.lineage import Neighborhood
 from texproj.stages.methods import MOST_COMPARED
+from texproj.stages.neighborhood import Neighborhood
 from texproj.stages.partners import (
     Partner,
     companions,
@@ -85,14 +85,14 @@ def test_photos_that_show_the_same_come_before_those_of_the_next_names():
     registered, none that is set apart.
     """
     near = Neighborhood(NAMES, set(NAMES[2:]), {"06.jpg": ("11.jpg", "00.jpg", "05.jpg", "02.jpg")})
-    found = near.around("06.jpg", {"02.jpg"})
+    found = near.around("06.jpg", "02.jpg".__eq__)
 
     assert found[:4] == ("11.jpg", "05.jpg", "07.jpg", "04.jpg")
     assert len(set(found)) == len(found) == MOST_COMPARED
     near.remove("11.jpg")
-    assert near.around("06.jpg", {"02.jpg"})[0] == "05.jpg"
+    assert near.around("06.jpg", "02.jpg".__eq__)[0] == "05.jpg"
     near.add("11.jpg")
-    assert near.around("06.jpg", {"02.jpg"}) == found
+    assert near.around("06.jpg", "02.jpg".__eq__) == found
 
 
 def test_photos_that_look_alike_are_found_whatever_their_names(project):

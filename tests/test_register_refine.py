@@ -1,5 +1,6 @@
 """Joint refinement: photos that agree with each other, and one that does not belong."""
 
+import pickle
 from functools import lru_cache
 
 import numpy as np
@@ -9,7 +10,9 @@ from texproj.camera import Camera
 from texproj.options import RefineOptions, RenderOptions
 from texproj.register.joint.lenses import PhotoStart
 from texproj.register.joint.overlap import choose_partners
+from texproj.register.joint.patches import Density
 from texproj.register.joint.refine import refine
+from texproj.register.joint.search import Level, TieFinder, TieSearcher
 from texproj.render import open_renderer
 
 OPTIONS = RefineOptions(working_px=512, partners=4)
@@ -131,3 +134,37 @@ def test_partners_reach_from_near_to_wide():
     pairs = [j for i, j in choose_partners(share, angle, 2) if i == 0]
 
     assert pairs == [1, 3]
+
+
+def test_a_task_says_all_that_its_ties_depend_on():
+    """Each done by somebody who knows nothing of those before, from what was sent: the same ties,
+    after photos have moved, too.
+    """
+    data = exposure_round()
+    moved = disturbed(data.cameras, 12.0, 5)
+    pairs, points = [(0, 1), (1, 2), (1, 0)], [data.mesh.vertices[::50]] * 3
+    level = Level(256, Density(16, 40))
+
+    def load(number, longest):
+        photo = data.photos[number]
+        factor = longest / max(photo.width, photo.height)
+        return photo.resized(round(photo.width * factor), round(photo.height * factor))
+
+    with open_renderer(RenderOptions()) as renderer, renderer.load(data.mesh) as scene:
+
+        def render(camera):
+            return scene.gbuffer(camera, ("depth", "normal"))
+
+        def elsewhere(tasks):
+            for task in pickle.loads(pickle.dumps(list(tasks))):
+                yield TieSearcher(load, render, 512).prepared(task).find()
+
+        here, there = TieFinder(load, render, 512), TieFinder(load, render, 512, elsewhere)
+        for cameras in (data.cameras[:3], moved[:3]):
+            a, b = (f.find(tuple(cameras), pairs, level, 6, points) for f in (here, there))
+            assert sum(len(a[pair].ties) for pair in pairs) > 10
+            for pair in pairs:
+                assert a[pair].sought == b[pair].sought
+                for name in a[pair].ties.__dataclass_fields__:
+                    mine, other = getattr(a[pair].ties, name), getattr(b[pair].ties, name)
+                    assert np.array_equal(mine, other)

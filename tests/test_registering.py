@@ -6,7 +6,6 @@ import json
 import logging
 import shutil
 import sys
-from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,12 +13,12 @@ import cv2
 import numpy as np
 import pytest
 import trimesh
-from scale_project import LENS, make_photos, make_scale_project
+from scale_project import LENS, chain, make_photos, make_scale_project
 
 from texproj.camera import Camera, Pose
 from texproj.cli import main
 from texproj.project import Project
-from texproj.records import THROUGH, CameraRecord, Fit
+from texproj.records import CameraRecord, Fit
 from texproj.stages import attempts, keeping, methods, registering
 from texproj.stages.bench import Workbench
 from texproj.stages.lineage import registration_freshness
@@ -237,29 +236,6 @@ def test_a_fit_that_does_not_tell_its_error_is_not_believed():
 # --- through others
 
 
-def chain(monkeypatch, first: str):
-    """Stands in for what photos show: each is found through one that is next to it by name."""
-    calls: Counter[str] = Counter()
-
-    def next_to(job) -> list[str]:
-        return [n for n in job.neighbors if abs(int(n[4:9]) - int(job.name[4:9])) == 1]
-
-    def by_others(job, earlier, before=None):
-        calls[job.name] += 1
-        if job.name != first and not next_to(job):
-            return Search(None, ("nothing next to it",), ("features",))
-        camera = Camera(LENS, Pose(np.eye(3), np.array([0, 0, 4.0])))
-        quality = {THROUGH: next_to(job) or ["none"]}
-        ok = np.ones(4, bool)
-        fit = Fit(camera, "features", 1.0, np.ones(4), ok, np.eye(6), quality=quality)
-        return Search(fit, (), ("features",))
-
-    monkeypatch.setattr(registering, "search_by_others", by_others)
-    monkeypatch.setattr(registering, "shared_points", lambda job: len(next_to(job)))
-    monkeypatch.setattr(attempts, "as_block", lambda *_: {})
-    return calls
-
-
 def test_who_had_a_start_is_not_told_that_there_was_none():
     """What was tried says why it failed; the rest of the methods had nothing to try."""
     nothing = Search().reason
@@ -321,13 +297,13 @@ def test_the_photo_with_most_evidence_comes_first():
     wave = Wave(evidence.__getitem__, strength.__getitem__, lambda name: name == "d")
     for name in "abcd":
         wave.add(name)
-    wave.look()
+    wave.look("abcd")
     order = [wave.next() for _ in range(4)]
 
     assert order == ["b", "c", "a", "d"] and wave.next() is None
     evidence["a"] |= {("b", "1")}
     wave.drop("b")
-    wave.look()
+    wave.look("ab")
     assert wave.next() == "a" and wave.next() is None and wave.left == ["a", "c", "d"]
 
 

@@ -8,14 +8,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scale_project import LENS, make_photos
+from scale_project import make_picked_project
 
 from texproj.errors import RegistrationError
-from texproj.stages import beside
+from texproj.resources import workers
+from texproj.stages import sites
 from texproj.stages.bench import Workbench
-from texproj.stages.beside import FEWEST, searched_beside
+from texproj.stages.beside import searched_beside
 from texproj.stages.methods import Job, Search, search_as_asked
 from texproj.stages.progress import Cancelled
+from texproj.stages.sites import FEWEST
 
 
 def search_of(job: Job) -> Search:
@@ -41,27 +43,14 @@ def sleeps(job: Job, marks: str) -> Search:
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("beside") / "many"
-    project = make_photos(folder, FEWEST)
-    (folder / "correspondences").mkdir()
-    for k, name in enumerate(project.photo_names):
-        (folder / "correspondences" / name).with_suffix(".csv").write_text(picks(k))
+    project = make_picked_project(tmp_path_factory.mktemp("beside") / "many", FEWEST)
     with Workbench(project) as bench:
         yield bench
 
 
-def picks(seed: int) -> str:
-    """Twelve points in a unit cube four units away, picked a tenth of a pixel off."""
-    rng = np.random.default_rng(seed)
-    xyz = rng.uniform(-0.5, 0.5, (12, 3))
-    uv = LENS.fx * xyz[:, :2] / (xyz[:, 2:] + 4) + (LENS.cx, LENS.cy) + rng.normal(0, 0.1, (12, 2))
-    rows = [",".join(map(repr, row.tolist())) for row in np.hstack([uv, xyz])]
-    return "\n".join(["u,v,x,y,z", *rows])
-
-
 @pytest.fixture
 def jobs(bench, monkeypatch):
-    monkeypatch.setattr(beside, "_workers", lambda faces: 2)
+    monkeypatch.setattr(sites, "processes_here", lambda faces: 2)
     return [Job(bench, name, None, {}) for name in bench.project.photo_names]
 
 
@@ -110,7 +99,7 @@ def test_whoever_stops_the_work_ends_the_processes(bench, jobs, tmp_path):
 def test_few_photos_or_one_processor_need_no_process(bench, jobs, monkeypatch):
     with searched_beside(bench, jobs[: FEWEST - 1], search_of, quiet) as found:
         assert found is search_of
-    monkeypatch.setattr(beside, "_workers", lambda faces: 1)
+    monkeypatch.setattr(sites, "processes_here", lambda faces: 1)
     with searched_beside(bench, jobs, search_of, quiet) as found:
         assert found is search_of
 
@@ -118,5 +107,5 @@ def test_few_photos_or_one_processor_need_no_process(bench, jobs, monkeypatch):
 def test_processes_are_as_many_as_memory_holds(monkeypatch):
     monkeypatch.setattr("loky.cpu_count", lambda: 16)
     monkeypatch.setattr("psutil.virtual_memory", lambda: SimpleNamespace(available=4 << 30))
-    assert beside._workers(10_000) == 10
-    assert beside._workers(5_000_000) == 1
+    assert workers.processes_here(10_000) == 10
+    assert workers.processes_here(5_000_000) == 1

@@ -68,7 +68,11 @@ def test_every_option_is_documented(name):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("[output]\nfaces = 5000", "faces = 5000: must be a list"),
+        ("[output]\nfaces = 1.5", "faces = 1.5: must be a list"),
+        ("[color]\npreference = true", "preference = true: true is no value that it can have"),
+        ("[output]\nfaces = false", "faces = false: false is no value that it can have"),
+        ("[light]\nlamp = [0, 0]", "lamp = [0, 0]: must be a list of 3 numbers"),
+        ("[light]\nlamp = [0, 0, 0, 0]", "lamp = [0, 0, 0, 0]: must be a list of 3 numbers"),
         ('[color]\npreference = "always"', "preference = 'always': input should be a valid number"),
     ],
 )
@@ -78,3 +82,16 @@ def test_what_is_wrong_is_told_in_words_of_the_file(text, said):
         UsageError, match=re.escape(f"p.toml [{text[1 : text.index(']')]}]: {said}")
     ):
         read_settings(text, "p.toml")
+
+
+def test_what_is_meant_is_understood():
+    """One value of a list that may have any length, and true and false where on and off are words;
+    as quoted in docs of other programs.
+    """
+    text = (
+        '[output]\nfaces = 5000\nmodels = "obj"\n[unwrap]\nkeep = true\n[color]\nvignetting = false'
+    )
+    found = read_settings(text, "p.toml")
+    assert found.output.faces == (5000,)
+    assert found.output.models == ("obj",)
+    assert (found.unwrap.keep, found.color.vignetting) == ("on", "off")

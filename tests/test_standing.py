@@ -104,6 +104,19 @@ def test_auto_takes_a_direction_that_is_no_axis():
     assert "no axis of the scan" in found.reason
 
 
+def test_a_drone_that_looks_straight_down_tells_upward():
+    """Its pictures' own up is north or south: only what it has measured tells the sky from the
+    ground.
+    """
+    at = [Pose.look_at((x, y, 9.0), (x, y, 0.0), (0, 1, 0)) for x in (0, 1) for y in (0, 1)]
+    cameras = [Camera(Intrinsics(60, 40, 50, 50, 30, 20), pose) for pose in at]
+
+    assert (
+        standing("auto", "auto", cameras, [(0.0, 0.02, -1.0), (), (0.01, 0, -1.0), ()]).up
+        == (AXES["z"])
+    )
+
+
 def test_what_is_asked_for_is_what_is_written():
     """Unless asked, a glb is as the scan is; auto asks the cameras."""
     cameras = around((0, 0, 1), 10)

@@ -152,10 +152,12 @@ def _check_photos(sources: Sequence[Path], tell: Tell) -> None:
         tell(f"{reason}; it is taken, and will fail until it is replaced")
 
 
-def write_settings(root: Path, mesh: str) -> None:
-    """The project.toml of a new project; mesh: the name of a file in mesh/. Raises OutputError."""
+def write_settings(root: Path, mesh: str, more: str = "") -> None:
+    """The project.toml of a new project; mesh: the name of a file in mesh/; more: lines after all
+    others. Raises OutputError.
+    """
     place = json.dumps(f"mesh/{mesh}", ensure_ascii=False)  # a string of TOML too
-    write_atomically(root / SETTINGS_FILE, NEW_SETTINGS.format(mesh=place))
+    write_atomically(root / SETTINGS_FILE, NEW_SETTINGS.format(mesh=place) + more)
 
 
 def _fill(root: Path, mesh: Path, sources: Sequence[Path], link: bool) -> None:

@@ -98,7 +98,8 @@ def one_per_shot(
         jpegs = [name for name in names if Path(name).suffix.lower() in JPEG_SUFFIXES]
         if len(raws) == len(jpegs) == 1 and paths[raws[0]].parent == paths[jpegs[0]].parent:
             passed.append(paths[jpegs[0] if prefer == "raw" else raws[0]])
-    kept = {name: path for name, path in paths.items() if path not in passed}
+    out = set(passed)
+    kept = {name: path for name, path in paths.items() if path not in out}
     return Found(kept, tuple(_other_half(passed, prefer)))
 
 
@@ -129,6 +130,11 @@ def find_picks(folder: Path, photos: Iterable[str]) -> Found:
     return _matched(folder, photos, (".csv",), (), "a csv")
 
 
+def find_crossed(folder: Path, photos: Iterable[str], suffixes: Sequence[str]) -> Found:
+    """The partners of photos, taken through crossed polarizers: the same name, of any format."""
+    return _matched(folder, photos, suffixes, (), "a photo") if folder.is_dir() else Found({})
+
+
 def one_of(found: Found, photo: str) -> Path | None:
     """The file of a photo, None if it has none. Raises InputError where several claim it."""
     if photo in found.several:
@@ -147,14 +153,15 @@ def _matched(
     owners = {plain(key): name for name in photos for key in (name, Path(name).stem)}
     claims: dict[str, list[Path]] = {}
     notes = []
+    strays = 0
     for path in _visible(folder):
         if path.suffix.lower() not in suffixes:
             notes.append(f"{shown(path)} is ignored: it is not {kind}")
             continue
         owner = _owner(path.stem, owners, endings)
         if owner is None:
-            near = nearest_name(path.stem, {Path(name).stem for name in owners.values()})
-            near = near if "did you mean" in near else ""
+            strays += 1
+            near = _near(path.stem, owners.values()) if strays <= MOST_NAMED else ""
             notes.append(f"{shown(path)} is ignored: it belongs to no photo{near}")
         else:
             claims.setdefault(owner, []).append(path)
@@ -163,6 +170,12 @@ def _matched(
         tuple(notes),
         {name: tuple(paths) for name, paths in claims.items() if len(paths) > 1},
     )
+
+
+def _near(stem: str, photos: Iterable[str]) -> str:
+    """Which photo may be meant by a name; as slow as there are photos."""
+    near = nearest_name(stem, {Path(name).stem for name in photos})
+    return near if "did you mean" in near else ""
 
 
 def _owner(stem: str, owners: Mapping[str, str], endings: Sequence[str]) -> str | None:

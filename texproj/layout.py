@@ -14,6 +14,31 @@ NO_PLACE = -1
 
 
 @dataclass(frozen=True, eq=False)
+class SurfaceMap:
+    """An image of something else than colors, at the same texture coordinates.
+
+    role: glTF's word for it (normalTexture, say); image: its file or its bytes; mime: its kind;
+    strength: glTF's scale or strength, 1 where nothing is said.
+    """
+
+    role: str
+    image: Path | bytes
+    mime: str
+    strength: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """What a material says beside its colors. roughness, metallic: glTF's factors, None where the
+    file does not say.
+    """
+
+    maps: tuple[SurfaceMap, ...] = ()
+    roughness: float | None = None
+    metallic: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class Material:
     """A surface as the file names it.
 
@@ -27,6 +52,7 @@ class Material:
     color: tuple[float, float, float] = (1.0, 1.0, 1.0)
     why: str = ""
     least_px: int = 0
+    surface: Surface = field(default_factory=Surface)
 
 
 @dataclass(frozen=True, eq=False)

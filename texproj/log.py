@@ -13,7 +13,7 @@ from importlib.metadata import PackageNotFoundError, version
 from logging.handlers import RotatingFileHandler
 from pathlib import Path
 
-from texproj.errors import OutputError
+from texproj.errors import OutputError, printable
 from texproj.files import write_failure
 
 LOG_FILE = "texproj.log"
@@ -23,6 +23,14 @@ REPORTED = ("numpy", "scipy", "opencv-contrib-python-headless", "moderngl", "emb
 """Packages whose versions stand at the beginning of every run, since faults depend on them."""
 
 logger = logging.getLogger("texproj")
+
+
+class _OneLine(logging.Formatter):
+    """A message is one line, whatever names from files stand in it; a traceback follows it."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:
+        record.message = printable(record.message)
+        return super().formatMessage(record)
 
 
 def machine() -> str:
@@ -59,7 +67,7 @@ def logged(folder: Path, command: str) -> Iterator[Path]:
         )
     except OSError as error:
         raise OutputError(write_failure(folder, error)) from None
-    handler.setFormatter(logging.Formatter(LINE))
+    handler.setFormatter(_OneLine(LINE))
     before = logger.level
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import islice
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from texproj.layout import Layout, Node
+from texproj.layout import Layout, Node, Surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,13 +74,15 @@ class Parts:
     """Nodes and names that a model keeps of the mesh's file.
 
     page_names: a name for each page; nodes; node_of_face: (F,) int32 rows of nodes; uv_down: (T, 2)
-    texture coordinates with v down from the top, exactly as the file has them.
+    texture coordinates with v down from the top, exactly as the file has them; surfaces: what the
+    material of each page says beside its colors.
     """
 
     page_names: tuple[str, ...]
     nodes: tuple[Node, ...]
     node_of_face: NDArray[np.int32]
     uv_down: NDArray[np.float64]
+    surfaces: tuple[Surface, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,12 +137,37 @@ class ColoredMesh:
     normals: NDArray[np.float64] | None = None
 
 
+BLOCK = 1 << 17
+"""Faces that are worked on at once where each stands for itself: some ten MB a step, whatever the
+size of the mesh."""
+
+
+def blocks(count: int) -> Iterator[slice]:
+    """Consecutive parts of so many faces."""
+    return (slice(start, min(start + BLOCK, count)) for start in range(0, count, BLOCK))
+
+
+def by_blocks(count: int, of_block: Callable[[slice], NDArray[Any]]) -> NDArray[Any]:
+    """What `of_block` gives for all faces, row by row, computed block by block."""
+    if count <= BLOCK:
+        return of_block(slice(0, count))
+    first = of_block(slice(0, BLOCK))
+    out = np.empty((count, *first.shape[1:]), first.dtype)
+    out[:BLOCK] = first
+    for rows in islice(blocks(count), 1, None):
+        out[rows] = of_block(rows)
+    return out
+
+
 def face_cross(vertices: ArrayLike, faces: ArrayLike) -> NDArray[np.float64]:
     """(F, 3) normals times twice the area of each face, counter-clockwise outside."""
-    v = np.asarray(vertices, np.float64)
-    f = np.asarray(faces)
-    a = v[f[:, 0]]
-    return np.cross(v[f[:, 1]] - a, v[f[:, 2]] - a)
+    v, f = np.asarray(vertices, np.float64), np.asarray(faces)
+
+    def of_block(rows: slice) -> NDArray[np.float64]:
+        a, b, c = (v[corner] for corner in f[rows].T)
+        return np.cross(b - a, c - a)
+
+    return by_blocks(len(f), of_block)
 
 
 def norms(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -147,21 +177,37 @@ def norms(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def face_normals(mesh: Mesh) -> NDArray[np.float64]:
     """(F, 3) unit normals; zero for faces without area."""
-    return _unit(face_cross(mesh.vertices, mesh.faces))
+    return by_blocks(
+        len(mesh.faces), lambda rows: _unit(face_cross(mesh.vertices, mesh.faces[rows]))
+    )
 
 
 def face_areas(mesh: Mesh) -> NDArray[np.float64]:
     """(F,) areas in squared mesh units."""
-    return 0.5 * norms(face_cross(mesh.vertices, mesh.faces))
+    return by_blocks(
+        len(mesh.faces), lambda rows: 0.5 * norms(face_cross(mesh.vertices, mesh.faces[rows]))
+    )
 
 
 def vertex_normals(mesh: Mesh) -> NDArray[np.float64]:
     """(V, 3) area-weighted unit normals; zero for vertices without a face."""
-    cross = face_cross(mesh.vertices, mesh.faces)
-    count = len(mesh.vertices)
-    flat = mesh.faces.ravel()
-    sums = [np.bincount(flat, np.repeat(cross[:, k], 3), count) for k in range(3)]
-    return _unit(np.stack(sums, axis=1))
+    sums = np.zeros((3, len(mesh.vertices)))
+    for rows in blocks(len(mesh.faces)):
+        faces = mesh.faces[rows]
+        for total, part in zip(sums, face_cross(mesh.vertices, faces).T, strict=True):
+            np.add.at(total, faces.ravel(), np.repeat(part, 3))
+    return _unit(np.ascontiguousarray(sums.T))
+
+
+def face_middles(mesh: Mesh) -> NDArray[np.float32]:
+    """(F, 3) middles of the faces, relative to the mesh's center."""
+    center = mesh.center
+
+    def of_block(rows: slice) -> NDArray[np.float32]:
+        corners = (mesh.vertices[mesh.faces[rows]] - center).mean(axis=1)
+        return corners.astype(np.float32)
+
+    return by_blocks(len(mesh.faces), of_block)
 
 
 def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:

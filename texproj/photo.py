@@ -25,7 +25,10 @@ class PhotoInfo:
     ISO) gather, None if not told; notes: what was missing or odd, one sentence each;
     orientation: the EXIF orientation, 1..8, that made the photo upright; copyright, artist: EXIF's
     words, taken: when, ISO 8601 in the camera's time; empty if not told; distortion: k1 k2 p1 p2 k3
-    of the lens that EXIF names, from a database, a start; empty if not known.
+    of the lens that EXIF names, from a database, a start; empty if not known; up_in_cam: what was
+    upward, as the camera has measured: unit x right, y down, z forward; empty if not told;
+    lens_light: (3,) k of a RAW file's lens: 1 + k1 r^2 + k2 r^4 + k3 r^6, r in half diagonals, is
+    the light over that in the middle (of JPEGs it is not known, which cameras correct mostly).
     """
 
     name: str
@@ -40,6 +43,8 @@ class PhotoInfo:
     artist: str = ""
     taken: str = ""
     distortion: tuple[float, ...] = ()
+    up_in_cam: tuple[float, ...] = ()
+    lens_light: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,6 +36,7 @@ from texproj.formats.photos import (
 )
 from texproj.intake import (
     Found,
+    find_crossed,
     find_masks,
     find_photos,
     find_picks,
@@ -56,7 +57,7 @@ from texproj.settings import Settings, read_settings
 
 SETTINGS_FILE = "project.toml"
 CAMERAS_FILE = "cameras.json"
-MASKS_FOLDER = "masks"
+MASKS_FOLDER, CROSSED_FOLDER = "masks", "photos-crossed"
 AS_USUAL = DevelopOptions()
 UNREADABLE = "cannot be read"
 """In place of the hash of a file that may not be read."""
@@ -165,6 +166,11 @@ class Project:
         return find_masks(self.root / MASKS_FOLDER, self._photos.paths)
 
     @cached_property
+    def crossed(self) -> Found:
+        """The partners of photos, taken through crossed polarizers."""
+        return find_crossed(self.root / CROSSED_FOLDER, self._photos.paths, PHOTO_SUFFIXES)
+
+    @cached_property
     def _picks(self) -> Found:
         return find_picks(self.root / "correspondences", self._photos.paths)
 
@@ -203,12 +209,10 @@ class Project:
         """The upright photo with its mask, its longer side reduced to `longest` if it is larger.
         cut: what stands in front of the piece (`occluder_path`) is masked too.
         """
-        path = self.photo_path(name)
         found = self.mask_path(name), self.occluder_path(name) if cut else None
         masks = [mask for mask in found if mask is not None and mask.is_file()]
-        largest_mp = self.settings.largest_photo_mp
-        info = read_photo_info(path, largest_mp)
-        develop = self.settings.develop
+        path, info = self.photo_path(name), self.photo_info(name)
+        largest_mp, develop = self.settings.largest_photo_mp, self.settings.develop
         return read_photo(path, info, masks, longest, largest_mp, develop)
 
     def load_thumbnail(self, name: str, longest: int) -> Photo:
@@ -356,14 +360,12 @@ class Project:
             np.save(folder / f"{key}.npy", array, allow_pickle=False)
 
     def hash_of(self, path: Path | None) -> str | None:
-        """Hash of a file's content, read again only when its size or time changed.
-
-        A file that may not be read has one too: whoever needs its content says what is wrong.
+        """Hash of a file's content, read again only when its size or time changed; one that may not
+        be read has a hash too: whoever needs its content says what is wrong.
         """
         if path is None or not path.is_file():
             return None
-        stat = path.stat()
-        stamp = [stat.st_size, stat.st_mtime_ns]
+        stamp = [(stat := path.stat()).st_size, stat.st_mtime_ns]
         known = self._hashes.get(str(path))
         if known is None or known[0] != stamp:
             try:
@@ -373,9 +375,7 @@ class Project:
         return str(known[1]) + self._reading(path)
 
     def _reading(self, path: Path) -> str:
-        """What the settings make of a photo that is no finished picture; empty where they leave it
-        as usual.
-        """
+        """What the settings make of a photo that is no finished picture; empty for the usual."""
         told = self.settings.develop
         by_kind: dict[str, str] = dict.fromkeys(RAW_SUFFIXES, told.white_balance)
         by_kind |= dict.fromkeys((".tif", ".tiff"), told.float_light)

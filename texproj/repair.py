@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from texproj.errors import InputError
 from texproj.layout import Layout
-from texproj.mesh import Mesh, MeshSource, face_cross, norms
+from texproj.mesh import Mesh, MeshSource, by_blocks, norms
 
 Index = NDArray[np.int64]
 Bools = NDArray[np.bool_]
@@ -126,12 +126,16 @@ def _valid_faces(
 
 def _has_area(vertices: NDArray[np.float64], faces: Index) -> Bools:
     """(F,) whether each triangle is higher than the rounding of its own coordinates."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    largest = np.maximum(np.maximum(np.abs(a), np.abs(b)), np.abs(c)).max(axis=1)
-    with np.errstate(over="ignore", invalid="ignore"):  # coordinates of 1e200 are no triangle
-        base2 = np.maximum(_norm2(b - a), np.maximum(_norm2(c - b), _norm2(a - c)))
-        height2 = (ROUNDING * largest) ** 2
-        return np.asarray(_norm2(face_cross(vertices, faces)) > base2 * height2)
+
+    def of_block(rows: slice) -> Bools:
+        a, b, c = (vertices[corner] for corner in faces[rows].T)
+        largest = np.maximum(np.maximum(np.abs(a), np.abs(b)), np.abs(c)).max(axis=1)
+        with np.errstate(over="ignore", invalid="ignore"):  # coordinates of 1e200 are no triangle
+            base2 = np.maximum(_norm2(b - a), np.maximum(_norm2(c - b), _norm2(a - c)))
+            height2 = (ROUNDING * largest) ** 2
+            return np.asarray(_norm2(np.cross(b - a, c - a)) > base2 * height2)
+
+    return by_blocks(len(faces), of_block)
 
 
 def _norm2(vectors: NDArray[np.float64]) -> NDArray[np.float64]:

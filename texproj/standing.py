@@ -12,6 +12,8 @@ from texproj.camera import Camera
 
 Vector = NDArray[np.float64]
 
+Measured = Sequence[float]
+
 AXES: dict[str, tuple[float, float, float]] = {
     "x": (1, 0, 0), "-x": (-1, 0, 0), "y": (0, 1, 0), "-y": (0, -1, 0), "z": (0, 0, 1),
     "-z": (0, 0, -1),
@@ -58,15 +60,18 @@ class Standing:
         return a, b, c, d
 
 
-def standing(up: str, unit: str, cameras: Sequence[Camera]) -> Standing:
-    """How the scan stands by the settings `up` (`AXES`, or auto) and `unit` (`METRES`).
+def standing(
+    up: str, unit: str, cameras: Sequence[Camera], measured: Sequence[Measured] = ()
+) -> Standing:
+    """How the scan stands by the settings `up` (`AXES`, or auto) and `unit` (`METRES`). measured:
+    as `upward` takes it.
 
     auto: what the photos' cameras say; an axis of the scan where one is near, since scans are
     levelled and photographers are not.
     """
     if up != "auto":
         return Standing(AXES[up], METRES[unit], f"up is {up}, by the settings")
-    found = upward(cameras)
+    found = upward(cameras, measured)
     name, axis = max(AXES.items(), key=lambda item: float(found @ item[1]))
     count = f"{len(cameras)} photo{'s' * (len(cameras) != 1)}"
     if found @ axis > np.cos(np.radians(LEVEL_DEG)):
@@ -77,12 +82,19 @@ def standing(up: str, unit: str, cameras: Sequence[Camera]) -> Standing:
     return Standing((x, y, z), METRES[unit], reason)
 
 
-def upward(cameras: Sequence[Camera]) -> Vector:
-    """(3,) unit, upward in the world: what is most at right angles to the photos' horizontal axes.
-    z without cameras.
+def upward(cameras: Sequence[Camera], measured: Sequence[Measured] = ()) -> Vector:
+    """(3,) unit, upward in the world: what the cameras have measured, else what is most at right
+    angles to the photos' horizontal axes. z without cameras. measured: of each camera what was
+    upward in its axes, empty where it has not measured; none at all where no camera has.
     """
     if not cameras:
         return np.array([0.0, 0, 1])
+    told = [
+        np.asarray(up) @ camera.pose.R
+        for camera, up in zip(cameras, measured, strict=bool(measured)) if len(up)
+    ]  # fmt: skip
+    if told:
+        return _unit(np.median(told, axis=0))
     ups = -np.mean([camera.pose.R[1] for camera in cameras], axis=0)
     if len(cameras) < 3:
         return _unit(ups)

@@ -21,9 +21,9 @@ SIZE = (80, 60)
 NAMES = ("one.jpg", "two.png")
 
 
-def shots(dist=(0.1, -0.05, 0.01, 0.002, 0.01)):
+def shots(dist=(0.1, -0.05, 0.01, 0.002, 0.01), model="perspective"):
     """Two cameras that look at the unit box."""
-    lens = Intrinsics(*SIZE, 90, 91, 41, 30, dist)
+    lens = Intrinsics(*SIZE, 90, 91, 41, 30, dist, model)
     poses = [Pose.look_at((5 * np.cos(k), 5 * np.sin(k), 1.5), (0, 0, 0)) for k in (0, 0.7)]
     return [Shot(n, f"images/{n}", Camera(lens, p)) for n, p in zip(NAMES, poses, strict=True)]
 
@@ -90,7 +90,17 @@ POSES = [{"file_path": "images/one.jpg", "transform": np.eye(4)[:3].tolist()}]
 CHUNK_TRANSFORM = """<transform><rotation>1 0 0 0 1 0 0 0 1</rotation><translation>0 0 0
 </translation><scale>2</scale></transform></chunk>"""
 
+RIG = (
+    text_of("metashape", "cameras.xml")
+    .replace(
+        "</sensor>", "<rotation>1 0 0 0 1 0 0 0 1</rotation><location>1 0 0</location></sensor>"
+    )
+    .replace('label="two.png"', 'label="two.png" master_id="0"')
+)
+RIG = RIG[: RIG.rindex("<transform>")] + RIG[RIG.rindex("</transform>") + len("</transform>") :]
+
 TEXTS = {
+    "metashape rig": ("cameras.xml", RIG),
     "bundler": ("bundle.out", text_of("bundler", "bundle.out")),
     "meshlab": ("cameras.mlp", text_of("meshlab", "cameras.mlp")),
     "metashape": (
@@ -140,6 +150,34 @@ def test_text(kind, data, place):
     if kind == "micmac":
         (place / "AutoCal_0.xml").write_text(text_of("micmac", "AutoCal_0.xml"))
     refused_or_read(read(kind), place / name, data.draw(broken_text([text])))
+
+
+ROUND = {
+    kind: WRITERS[kind](shots((0.03, -0.01, 0.002, -0.001), "fisheye"), "mesh.ply").files
+    for kind in ("blocks-exchange", "opf", "micmac")
+}
+BENT = {"blocks-exchange": "blocks.xml", "opf": "calibration.json", "micmac": "AutoCal_0.xml"}
+"""The file of each that tells the lens."""
+
+
+@pytest.mark.parametrize("kind", ROUND)
+@given(data=st.data())
+def test_fisheyes(kind, data, place):
+    """Their polynomials and matrices broken, all files beside sound."""
+    folder = place / "round"
+    folder.mkdir(exist_ok=True)
+    for name, content in ROUND[kind].items():
+        (folder / name).write_bytes(content)
+    text = ROUND[kind][BENT[kind]].decode()
+    broken = broken_json([json.loads(text)]) if kind == "opf" else broken_text([text])
+    path = folder / BENT[kind]
+
+    def found(_path):
+        told, file = detect(folder if kind == "micmac" else path)
+        return READERS[told](file, lambda name: SIZE)
+
+    found.__name__ = f"read_{kind} fisheye"
+    refused_or_read(found, path, data.draw(broken))
 
 
 @given(data=st.data())

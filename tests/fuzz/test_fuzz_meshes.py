@@ -3,6 +3,7 @@
 import json
 import struct
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from texproj.options import UnwrapOptions
 from texproj.repair import repair
 from texproj.unwrap.kept import kept_pages
 
+SAMPLES = Path(__file__).parent.parent / "meshes"
 OBJ = (
     "mtllib a.mtl\nv 0 0 0\nv 1 0 0 0.5 0.5 0.5\nv 0 1 0\nv 0 0 1\nvt 0 1\n"
     "f 1 2 3\nf 1/1/1 2//1 -1\nf 1 2 3 4\n",
@@ -31,6 +33,13 @@ PLY = (
     "property float y\nproperty float z\nproperty uchar red\nelement face 2\n"
     "property list uchar int vertex_indices\nend_header\n"
     "0 0 0 1\n1 0 0 2\n0 1 0 3\n0 0 1 4\n3 0 1 2\n4 0 1 2 3\n",
+)
+TEXTURED_PLY = (
+    "ply\nformat ascii 1.0\ncomment TextureFile a.png\nelement vertex 4\nproperty float x\n"
+    "property float y\nproperty float z\nproperty float s\nproperty float t\nelement face 2\n"
+    "property list uchar int vertex_indices\nproperty list uchar float texcoord\n"
+    "property int texnumber\nend_header\n0 0 0 0 0\n1 0 0 1 0\n0 1 0 0 1\n0 0 1 1 1\n"
+    "3 0 1 2 6 0 0 .5 0 .5 .5 0\n4 0 1 2 3 8 0 0 1 0 1 1 0 1 0\n"
 )
 TEXTURED_OBJ = (
     "mtllib a.mtl\no one\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 1\nvt 1 1\nvt 0 0\nusemtl a\n"
@@ -90,6 +99,12 @@ def test_text_ply(place, data):
     refused_or_read(read_and_repair, place / "a.ply", data, "read_mesh ply")
 
 
+@given(broken_text((TEXTURED_PLY, TEXTURED_PLY.replace("list uchar float texcoord", "int flags"))))
+def test_textured_ply(place, data):
+    """Coordinates at the corners and at the vertices."""
+    refused_or_read(read_and_repair, place / "t.ply", data, "read_mesh textured ply")
+
+
 @given(st.deferred(lambda: broken_bytes((sound("stl"), STL.encode()))))
 def test_stl(place, data):
     """Both kinds."""
@@ -117,22 +132,52 @@ def test_glb(place, data):
 
 
 @cache
-def gltf_content():
-    data = sound("glb")
+def compressed():
+    """Files by Draco and by meshopt."""
+    return tuple(path.read_bytes() for path in sorted(SAMPLES.glob("*.glb")))
+
+
+@given(st.deferred(lambda: broken_bytes(compressed())))
+def test_compressed_glb(place, data):
+    """Decoders of other hands with spoiled heads, data and filters."""
+    refused_or_read(read_and_repair, place / "c.glb", data, "read_mesh compressed glb")
+
+
+@given(
+    st.deferred(lambda: st.sampled_from(compressed())),
+    st.deferred(lambda: broken_value(tuple(content_of(data)[0] for data in compressed()))),
+)
+def test_compressed_glb_of_sound_lengths(place, data, value):
+    """Compressed parts of counts, strides, modes and numbers that are not theirs."""
+    whole = container(value, content_of(data)[1])
+    refused_or_read(read_and_repair, place / "c.glb", whole, "read_mesh compressed glb")
+
+
+def content_of(data):
+    """The text of a glb, and the chunks after it."""
     length = struct.unpack("<I", data[12:16])[0]
-    content = json.loads(data[20 : 20 + length])
+    return json.loads(data[20 : 20 + length]), data[20 + length :]
+
+
+def container(value, rest):
+    """A glb of sound lengths around any text."""
+    text = json.dumps(value).encode()
+    text += b" " * (-len(text) % 4)
+    head = struct.pack("<4sII", b"glTF", 2, 20 + len(text) + len(rest))
+    return head + struct.pack("<I4s", len(text), b"JSON") + text + rest
+
+
+@cache
+def gltf_content():
+    content, rest = content_of(sound("glb"))
     content["nodes"].append({"children": [0], "matrix": np.eye(4).ravel().tolist()})
-    return content, data[20 + length :]
+    return content, rest
 
 
 @given(st.deferred(lambda: broken_value((gltf_content()[0],))))
 def test_glb_of_sound_lengths(place, value):
     """Texts whose numbers, lists and references are not what they should be."""
-    text = json.dumps(value).encode()
-    text += b" " * (-len(text) % 4)
-    rest = gltf_content()[1]
-    head = struct.pack("<4sII", b"glTF", 2, 20 + len(text) + len(rest))
-    data = head + struct.pack("<I4s", len(text), b"JSON") + text + rest
+    data = container(value, gltf_content()[1])
     refused_or_read(read_and_repair, place / "a.glb", data, "read_mesh glb")
 
 

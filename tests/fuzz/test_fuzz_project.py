@@ -6,7 +6,8 @@ from hypothesis import given
 
 from texproj.formats.camera_bounds import MOST_SIDE_PX, MOST_TRANSLATION
 from texproj.formats.cameras import cameras_json, read_cameras
-from texproj.formats.correspondences import read_correspondences
+from texproj.formats.correspondences import read_correspondences, read_pixels
+from texproj.formats.picked_points import read_picked_points
 from texproj.settings import read_settings
 
 CAMERAS = {
@@ -28,6 +29,11 @@ CAMERAS = {
 PICKS = (
     "u,v,x,y,z,name\n10.5,20.25,1,2,3,nose\n30,40,-4,5e2,6,\n",
     "# by hand\nu;v;x;y;z\n1,5;2;3;4;5\n",
+)
+NAMED_POINTS = (
+    "<!DOCTYPE PickedPoints>\n<PickedPoints>\n <DocumentData/>\n"
+    ' <point x="1.5" y="-2.25" z="0.125" name="nose" active="1"/>\n'
+    ' <point y="3" x="4" z="5" name="ear"/>\n</PickedPoints>\n',
 )
 SETTINGS = (
     'mesh = "mesh/a.ply"\nphotos = "photos"\nlargest_photo_mp = 500\n'
@@ -64,6 +70,24 @@ def test_picks(place, data):
         assert np.isfinite(picks.xy_px).all()
         assert np.isfinite(picks.xyz_in_world).all()
         assert len(picks.names) == len(picks)
+
+
+@given(broken_text((*PICKS, "u,v,name\n1,2,a\n3,4,\n")))
+def test_pixels_that_name_points(place, data):
+    """Pixels are finite; a point is there or not."""
+    found = refused_or_read(read_pixels, place / "p.csv", data)
+    if found is not None:
+        xy, xyz, names = found
+        assert np.isfinite(xy).all()
+        assert len(xy) == len(xyz) == len(names)
+
+
+@given(broken_text(NAMED_POINTS))
+def test_named_points(place, data):
+    """What is read are finite numbers under names of their own."""
+    points = refused_or_read(read_picked_points, place / "a.pp", data)
+    for point in (points or {}).values():
+        assert np.isfinite(point).all()
 
 
 @given(broken_text(SETTINGS))

@@ -76,13 +76,15 @@ def natural_appearance(
     seen: NDArray[np.bool_],
     chart: Chart = "none",
     progress: Progress | None = None,
+    gloss: float = GLOSS,
 ) -> Appearance:
     """The base color of the surface, and the light of the day.
 
     rgb: (V, 3) linear light that the photos agree on, also where they see nothing; seen: (V,)
     where they do; chart: what a color chart that faced the light has made absolute in rgb;
-    progress: called with vertices done and vertices in all. One light for all photos; the surface
-    is taken for matte, but for the mean reflection of a dielectric.
+    progress: called with vertices done and vertices in all; gloss: mean reflection that is none of
+    the paint's, 0 where polarizers kept it out. One light for all photos; the surface is taken for
+    matte, but for that.
 
     Where the light is refused the base color is `rgb` itself, so that it is never worse.
     """
@@ -95,8 +97,9 @@ def natural_appearance(
     found = _found(caster, rgb, chosen, places)
     if not found.verdict.accepted:
         return _refused(rgb, seen, found.verdict.refusal, found.verdict)
-    factor = _factor(found, chart)
-    base, irradiance, confidence = _everywhere(caster, rgb, found, factor, progress)
+    factor = _factor(found, chart, gloss)
+    irradiance, confidence = _everywhere(caster, rgb, found, factor, progress)
+    base = base_color(rgb / irradiance, gloss)
     base = fill_vertices(mesh, base, seen)
     light = NaturalLight(found.fit.sky / factor, found.to_sun, None)
     if found.fit.sun is not None:
@@ -147,7 +150,7 @@ def _same_sun(
     return angle_deg(*suns) <= SUNS_APART_DEG
 
 
-def _factor(found: _Found, chart: Chart) -> Doubles:
+def _factor(found: _Found, chart: Chart, gloss: float) -> Doubles:
     """(3,) the irradiance, over pi, under which a surface shows its base color.
 
     With a chart: that of an open surface that faces the light best, as the chart did. Without,
@@ -160,7 +163,7 @@ def _factor(found: _Found, chart: Chart) -> Doubles:
         return charted
     tint = np.exp(np.log(light).mean(axis=0)) if chart == "none" else charted
     albedo = np.pi * found.points.rgb / light * tint
-    return tint * (MEAN_ALBEDO + GLOSS) / float((albedo @ LUMINANCE).mean())
+    return tint * (MEAN_ALBEDO + gloss) / float((albedo @ LUMINANCE).mean())
 
 
 def _brightest(found: _Found) -> Doubles:
@@ -174,10 +177,10 @@ def _brightest(found: _Found) -> Doubles:
 
 def _everywhere(
     caster: LightCaster, rgb: Floats, found: _Found, factor: Doubles, progress: Progress | None
-) -> tuple[Floats, Floats, Floats]:
-    """(V, 3) base colors, (V, 3) irradiance over pi and (V,) confidence of all vertices."""
+) -> tuple[Floats, Floats]:
+    """(V, 3) irradiance over pi and (V,) confidence of all vertices."""
     count = len(rgb)
-    base, irradiance = np.empty((count, 3), np.float32), np.empty((count, 3), np.float32)
+    irradiance = np.empty((count, 3), np.float32)
     confidence = np.empty(count, np.float32)
     for start in range(0, count, CHUNK):
         rows = np.arange(start, min(start + CHUNK, count))
@@ -187,17 +190,16 @@ def _everywhere(
             points = replace(points, sun=sun)
         light = found.fit.irradiance(points)
         irradiance[rows] = light / np.pi / factor
-        base[rows] = base_color(rgb[rows] / irradiance[rows])
         told = found.fit.predicted(points) @ LUMINANCE
         off = np.log(np.maximum(points.rgb @ LUMINANCE, 1e-4) / np.maximum(told, 1e-4))
         confidence[rows] = 1 / (1 + (off / OFF_HALF) ** 2)
         if progress:
             progress(len(rows) + start, count)
-    return base, irradiance, confidence
+    return irradiance, confidence
 
 
-def base_color(reflected: Floats) -> Floats:
+def base_color(reflected: Floats, gloss: float = GLOSS) -> Floats:
     """(n, 3) base color, 0..1, of what a surface reflects of its irradiance: less the gloss of a
     dielectric, but no less than a quarter, which gloss never is the rest of.
     """
-    return np.clip(np.maximum(reflected - np.float32(GLOSS), reflected / 4), 0, 1)
+    return np.clip(np.maximum(reflected - np.float32(gloss), reflected / 4), 0, 1)

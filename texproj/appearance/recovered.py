@@ -8,6 +8,11 @@ import numpy as np
 
 from texproj.appearance.flash.found import Found
 from texproj.appearance.flash.held_out import FlashVerdict
+from texproj.appearance.flash.lamp import Lamp
+from texproj.appearance.flash.pooled import Pooled
+from texproj.appearance.polarized.pair_verdict import PairVerdict
+from texproj.appearance.turntable.lamps import RoomLamp
+from texproj.appearance.turntable.room_verdict import RoomVerdict
 from texproj.appearance.verdict import Verdict
 from texproj.arrays import Doubles, Floats, Index
 
@@ -47,6 +52,33 @@ class FlashLight:
 
 
 @dataclass(frozen=True, eq=False)
+class TurntableLight:
+    """Light that stood still while the object was turned, axes of the room (`turntable.Room`); unit
+    as that of `NaturalLight`.
+
+    sky: (9, 3) radiance by spherical harmonics; lamps: and strength (k, 3), the irradiance by each
+    square to it; exposure: of each photo against the others.
+    """
+
+    sky: Doubles
+    lamps: tuple[RoomLamp, ...]
+    strength: Doubles
+    exposure: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class PolarizedLight:
+    """A flash through a polarizer. kinds: each paint's roughness and mirror; label: (V,) the paint
+    of each vertex; output: of each flash.
+    """
+
+    lamp: Lamp
+    kinds: tuple[Pooled, ...]
+    label: Index
+    output: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
 class Appearance:
     """The surface itself, at the vertices of the mesh.
 
@@ -55,7 +87,9 @@ class Appearance:
     irradiance: (V, 3) float32 that was divided out, over pi, None where there is no natural light;
     confidence: (V,) float32 in 0..1, 0 = unseen; light: None where none was found; accepted:
     whether the light is believed, reason: why not, one sentence with the next step; absolute:
-    base colors are reflectances, not only up to one factor; verdict: by what it was judged.
+    base colors are reflectances, not only up to one factor; verdict: by what it was judged;
+    mirrored: (V,) float32 what photos of two polarizations say is mirrored: at normal incidence
+    under a flash, 0 where it is not known; else the part of all light, on the mean over the photos.
     """
 
     base: Floats
@@ -63,11 +97,12 @@ class Appearance:
     metallic: Floats
     irradiance: Floats | None
     confidence: Floats
-    light: NaturalLight | FlashLight | None
+    light: NaturalLight | FlashLight | TurntableLight | PolarizedLight | None
     accepted: bool
     reason: str
     absolute: bool
-    verdict: Verdict | FlashVerdict | None
+    verdict: Verdict | FlashVerdict | RoomVerdict | PairVerdict | None
+    mirrored: Floats | None = None
 
 
 def untold(points: int) -> tuple[Floats, Floats]:

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.appearance.corners import barycentric
-from texproj.appearance.light_fit import LEAST_LIGHT
+from texproj.appearance.light_fit import GLOSS, LEAST_LIGHT
 from texproj.appearance.natural import base_color
 from texproj.appearance.recovered import Appearance, NaturalLight
 from texproj.appearance.transfer import SUN_RAYS, LightCaster
-from texproj.arrays import Floats
+from texproj.arrays import Doubles, Floats
 from texproj.color.filling.gutters import fill_page
 from texproj.color.filling.texels import fill_unseen
 from texproj.color.points.source import Chunk
@@ -32,8 +32,9 @@ def base_texture(mesh: Mesh, texture: Texture, appearance: Appearance) -> Textur
     refused. The appearance is that of the mesh's vertices, found in the same photos.
     """
     light, irradiance = appearance.light, appearance.irradiance
-    if not isinstance(light, NaturalLight) or irradiance is None:
+    if light is None or irradiance is None:
         return texture
+    gloss = GLOSS if appearance.mirrored is None else 0.0
     lamp = _Lamp(mesh, light, irradiance)
     pages: list[NDArray[Any]] = [page.copy() for page in texture.pages]
     with closing(Scratch()) as scratch:
@@ -43,7 +44,7 @@ def base_texture(mesh: Mesh, texture: Texture, appearance: Appearance) -> Textur
             top = np.iinfo(page.dtype).max
             shown = page[tile.rows, tile.columns][points.mask(number)]
             rgb = linear_from_srgb(shown / np.float32(top))
-            base = base_color(rgb / lamp.at(points.chunk(number)))
+            base = base_color(rgb / lamp.at(points.chunk(number)), gloss)
             points.place(number, page, np.round(srgb_from_linear(base) * top).astype(page.dtype))
         fill_unseen(mesh, texture.atlas, points, pages, list(texture.photo_count))
         for number, page in enumerate(pages):
@@ -54,12 +55,14 @@ def base_texture(mesh: Mesh, texture: Texture, appearance: Appearance) -> Textur
 class _Lamp:
     """The irradiance, over pi, of any point of the surface."""
 
-    def __init__(self, mesh: Mesh, light: NaturalLight, irradiance: Floats) -> None:
+    def __init__(self, mesh: Mesh, light: object, irradiance: Floats) -> None:
         self._caster = LightCaster(mesh, irradiance)
         self._faces, self._corners = mesh.faces, self._caster.xyz
-        self._to_sun, self._sun = light.to_sun, np.zeros(3, np.float32)
+        self._to_sun: Doubles | None = None
+        self._sun = np.zeros(3, np.float32)
         soft = irradiance
-        if light.to_sun is not None and light.sun is not None:
+        if isinstance(light, NaturalLight) and light.to_sun is not None and light.sun is not None:
+            self._to_sun = light.to_sun
             self._sun = (light.sun / np.pi).astype(np.float32)
             everyone = np.arange(len(irradiance))
             soft = soft - self._caster.sun(everyone, light.to_sun, SUN_RAYS)[:, None] * self._sun

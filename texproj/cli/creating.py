@@ -13,6 +13,7 @@ from texproj.cli.making import run
 from texproj.cli.shared import Json, Verbose
 from texproj.creation import create_project, write_settings
 from texproj.errors import UsageError
+from texproj.options import DemoLight
 
 
 def new(
@@ -50,6 +51,10 @@ def demo(
     ] = Path("texproj-demo"),
     /,
     *,
+    light: Annotated[
+        DemoLight | None,
+        Parameter(help="A piece whose light is found and taken out; its cameras are given."),
+    ] = None,
     json: Json = False,
     verbose: Verbose = False,
 ) -> int:
@@ -57,16 +62,29 @@ def demo(
 
     Example: texproj demo
     """
-    from texproj.demo import write_demo  # noqa: PLC0415
-
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UsageError(f"{folder} exists and is not empty; give a new folder")
-    if not json:
-        talk.say(f"making a carved, painted shrine and photographs of it in {folder} ...")
-    write_demo(folder)
-    write_settings(folder, "scan.ply")
+    _make(folder, light, json)
     code = run(folder, json=json, verbose=verbose)
     if not json:
         talk.say(f"look at {folder / 'out' / 'report.html'}, or run: texproj preview {folder}")
+        if light is not None:
+            talk.say(f"and in another light: texproj relight {folder} --sun 85,10 --sky none")
         talk.say(f"the truth to compare with is in {folder / 'truth'}")
     return code
+
+
+def _make(folder: Path, light: DemoLight | None, json: bool) -> None:
+    """Write the project."""
+    from texproj.demo import write_demo, write_lit_demo  # noqa: PLC0415
+    from texproj.demo.lamps import light_settings  # noqa: PLC0415
+
+    if not json:
+        what = "shrine" if light is None else f"capital ({light})"
+        talk.say(f"making a carved, painted {what} and photographs of it in {folder} ...")
+    if light is None:
+        write_demo(folder)
+        write_settings(folder, "scan.ply")
+    else:
+        write_lit_demo(folder, light)
+        write_settings(folder, "scan.ply", light_settings(light))

@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from texproj.cli import talk
 from texproj.cli.exits import DONE
 from texproj.cli.flags import flags_for
+from texproj.cli.runner import tell
 from texproj.cli.shared import (
     Folder,
     Json,
@@ -32,7 +33,10 @@ else:  # a class made from the options when the program starts
 
 def import_(
     folder: Folder,
-    file: Annotated[Path, Parameter(name="FILE", help="The camera file, or a COLMAP folder.")],
+    file: Annotated[
+        Path,
+        Parameter(name="FILE", help="The camera file, or a COLMAP folder; or named points (.pp)."),
+    ],
     /,
     *,
     as_: Annotated[
@@ -48,11 +52,17 @@ def import_(
 ) -> int:
     """Take cameras from another program: COLMAP, Metashape, RealityScan, MeshLab, others.
 
+    Points that were named in MeshLab (.pp) complete picks that name them.
+
     Example: texproj import statue sparse/0
     """
     from texproj.stages.bench import Workbench  # noqa: PLC0415
     from texproj.stages.exchanging import import_cameras  # noqa: PLC0415
+    from texproj.stages.named_points import SUFFIX, import_points  # noqa: PLC0415
 
+    if file.suffix.lower() == SUFFIX:
+        with project_at_work(folder, flags, verbose, "import") as project:
+            return tell(project, import_points(project, file), json)
     with (
         project_at_work(folder, flags, verbose, "import") as project,
         Workbench(project) as bench,

@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from texproj.cli.flags import flags_for
 from texproj.cli.runner import run_stage, tell
-from texproj.cli.shared import Folder, Json, Verbose, matching, project_at_work
+from texproj.cli.shared import Cluster, Folder, Json, Verbose, matching, project_at_work
 from texproj.settings import SECTIONS
 
 if TYPE_CHECKING:
@@ -39,6 +39,7 @@ def register(
     *,
     photos: Annotated[str, Parameter(help="Only photos whose name matches, e.g. 'DSC_01*'.")] = "*",
     flags: RegisterFlags = None,
+    cluster: Cluster = None,
     json: Json = False,
     verbose: Verbose = False,
 ) -> int:
@@ -56,7 +57,7 @@ def register(
         def stage(bench: Workbench, progress: Progress) -> RegisterOutcome:
             return RegisterOutcome(register_photos(bench, names, progress), told_of(project))
 
-        return run_stage(project, json, stage)
+        return run_stage(project, json, stage, cluster)
 
 
 def place(
@@ -83,6 +84,7 @@ def color(
     /,
     *,
     flags: ColorFlags = None,
+    cluster: Cluster = None,
     json: Json = False,
     verbose: Verbose = False,
 ) -> int:
@@ -93,7 +95,7 @@ def color(
     from texproj.stages.coloring import color_project  # noqa: PLC0415
 
     with project_at_work(folder, flags, verbose, "color") as project:
-        return run_stage(project, json, color_project)
+        return run_stage(project, json, color_project, cluster)
 
 
 def appearance(
@@ -123,6 +125,7 @@ def refine(
     /,
     *,
     flags: RefineFlags = None,
+    cluster: Cluster = None,
     json: Json = False,
     verbose: Verbose = False,
 ) -> int:
@@ -133,7 +136,7 @@ def refine(
     from texproj.stages.refining import refine_project  # noqa: PLC0415
 
     with project_at_work(folder, flags, verbose, "refine") as project:
-        return run_stage(project, json, refine_project)
+        return run_stage(project, json, refine_project, cluster)
 
 
 def run(
@@ -141,6 +144,7 @@ def run(
     /,
     *,
     flags: RunFlags = None,
+    cluster: Cluster = None,
     json: Json = False,
     verbose: Verbose = False,
 ) -> int:
@@ -151,7 +155,7 @@ def run(
     from texproj.stages.running import run_project  # noqa: PLC0415
 
     with project_at_work(folder, flags, verbose, "run") as project:
-        return run_stage(project, json, run_project)
+        return run_stage(project, json, run_project, cluster)
 
 
 def report(

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable
-from typing import Any, Protocol
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, Protocol
 
 from texproj.cli import talk
 from texproj.cli.exits import DONE, SOME_FAILED, STOP, UNUSABLE
@@ -13,6 +14,9 @@ from texproj.cli.shared import tell_ignored
 from texproj.project import Project
 from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress
+
+if TYPE_CHECKING:
+    from texproj.stages.bench import Workbench
 
 LOG = logging.getLogger("texproj")
 
@@ -31,11 +35,17 @@ class Outcome(Protocol):
         """For --json."""
 
 
-def run_stage(project: Project, json: bool, stage: Callable[[Any, Progress], Outcome]) -> int:
-    """Call `stage` with a workbench of the project and the progress; tell what came of it."""
-    from texproj.stages.bench import Workbench  # noqa: PLC0415
+def run_stage(
+    project: Project,
+    json: bool,
+    stage: Callable[[Any, Progress], Outcome],
+    cluster: str | None = None,
+) -> int:
+    """Call `stage` with a workbench of the project and the progress; tell what came of it.
 
-    with Workbench(project) as bench, shown_progress() as progress:
+    cluster: where its tasks run, if not on this machine alone.
+    """
+    with _bench(project, cluster) as bench, shown_progress() as progress:
 
         def show(stage: str, done: int, total: int, item: str) -> None:
             if STOP.is_set():
@@ -46,6 +56,26 @@ def run_stage(project: Project, json: bool, stage: Callable[[Any, Progress], Out
     for line in outcome.lines():
         LOG.info("%s", line)
     return tell(project, outcome, json)
+
+
+@contextmanager
+def _bench(project: Project, address: str | None) -> Iterator[Workbench]:
+    from texproj.stages.bench import Workbench  # noqa: PLC0415
+
+    if address is None:
+        with Workbench(project) as bench:
+            yield bench
+        return
+    from texproj.resources.cluster import cluster_at  # noqa: PLC0415
+    from texproj.stages.sites import crew_of  # noqa: PLC0415
+
+    with (
+        cluster_at(address) as cluster,
+        crew_of(cluster, project) as crew,
+        Workbench(project, crew) as bench,
+    ):
+        talk.note(f"{cluster.count} workers at {address}, dashboard: {cluster.dashboard}")
+        yield bench
 
 
 def tell(project: Project, outcome: Outcome, json: bool) -> int:

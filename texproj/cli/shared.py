@@ -27,6 +27,14 @@ Json = Annotated[bool, Parameter(name="--json", negative="", help="Print the out
 Verbose = Annotated[
     bool, Parameter(name=["--verbose", "-v"], negative="", help="Tell what happens inside.")
 ]
+Cluster = Annotated[
+    str | None,
+    Parameter(
+        name="--cluster",
+        help="Where tasks run: a Dask scheduler, tcp://HOST:8786, or local:4.",
+        show_default=False,
+    ),
+]
 
 
 def open_project(folder: Path, flags: Any, verbose: bool) -> Project:

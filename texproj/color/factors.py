@@ -21,7 +21,8 @@ from texproj.color.blending.combine import blend
 from texproj.color.blending.highlights import highlight_factor
 from texproj.color.points.source import Chunk, PointSource
 from texproj.color.sampling.gather import Progress, counting, project_views
-from texproj.color.sampling.photo_set import PhotoSet, Unusable
+from texproj.color.sampling.part import Unusable
+from texproj.color.sampling.photo_set import PhotoSet
 from texproj.color.sampling.pixel_lookup import depth_pixels, photo_pixels, rescaled
 from texproj.color.sampling.prepare import silhouette_feather_px, view_of
 from texproj.color.sampling.store import Stack

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.layout import Surface
 from texproj.mesh import Mesh, Parts, TexturedMesh, vertex_normals
 
 if TYPE_CHECKING:
@@ -60,7 +61,10 @@ def textured_mesh(mesh: Mesh, texture: Texture, normals: bool = True) -> Texture
     units = vertex_normals(mesh) if normals else None
     if texture.kept is not None and mesh.layout is not None:
         layout, pages = mesh.layout, texture.kept
-        parts = Parts(pages.names, layout.nodes, layout.node_of_face, layout.uv_down)
+        surfaces = [layout.materials[m].surface if m >= 0 else Surface() for m in pages.materials]
+        parts = Parts(
+            pages.names, layout.nodes, layout.node_of_face, layout.uv_down, tuple(surfaces)
+        )
         return TexturedMesh(
             mesh.vertices, mesh.faces, layout.uv_up, np.maximum(layout.faces, 0),
             pages.page_of_face, texture.pages, units, parts,

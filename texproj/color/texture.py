@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from texproj.arrays import Floats
 from texproj.camera import Camera
+from texproj.color.alignment.projection import Coming
 from texproj.color.alignment.shift import (
     Alignment,
     alignments,
-    displaced,
     failures,
     per_alignment,
     rough,
@@ -34,8 +34,9 @@ from texproj.color.filling.texels import fill_unseen
 from texproj.color.points.texels import TexelPoints
 from texproj.color.quality import coverage, per_lens, per_photo
 from texproj.color.result import Texture
-from texproj.color.sampling.gather import Progress, counting, project_views
-from texproj.color.sampling.photo_set import PhotoSet, Unusable, reasons
+from texproj.color.sampling.gather import Progress, counting
+from texproj.color.sampling.part import Unusable
+from texproj.color.sampling.photo_set import PhotoSet, reasons
 from texproj.color.sampling.resolution import texels_per_unit
 from texproj.color.sampling.store import SampleStore
 from texproj.mesh import Mesh
@@ -80,7 +81,7 @@ def color_texture(
             renderer.rest()
             density = texels_per_unit(mesh, photos, options)
         trim()
-        views = displaced(photos.views(options), found)
+        coming = Coming(photos, options, found)
         if kept:
             atlas = kept_atlas(mesh, kept, density, unwrap_options)
         else:
@@ -89,7 +90,7 @@ def color_texture(
         trim()
         observer = PointObserver(points, len(photos), options.focus_power > 0)
         tell = counting(progress, len(photos))
-        projected = project_views(points, views, observer, options, scratch, tell)
+        projected = coming.project(points, observer, scratch, tell)
         shared = observer.shared()
         trim()
         light, focus = solve_photos(shared, options)

@@ -6,7 +6,8 @@ from contextlib import closing
 
 import numpy as np
 
-from texproj.color.alignment.shift import displaced, failures, per_alignment
+from texproj.color.alignment.projection import Coming
+from texproj.color.alignment.shift import failures, per_alignment
 from texproj.color.balance.corrections import gains_of, grids_of
 from texproj.color.balance.focus import solve_photos
 from texproj.color.balance.shared_points import PointObserver
@@ -18,7 +19,7 @@ from texproj.color.filling.vertices import fill_vertices
 from texproj.color.points.source import VertexPoints
 from texproj.color.quality import coverage, per_lens, per_photo
 from texproj.color.result import VertexColors
-from texproj.color.sampling.gather import Progress, counting, project_views
+from texproj.color.sampling.gather import Progress, counting
 from texproj.color.sampling.photo_set import PhotoSet, reasons
 from texproj.color.texture import found_alignments
 from texproj.mesh import Mesh
@@ -52,10 +53,10 @@ def color_vertices(
         with renderer.load(mesh) as scene:
             photos = photos.rendered(scene, scratch)
         renderer.rest()
-        views = displaced(photos.views(options), found)
+        coming = Coming(photos, options, found)
         observer = PointObserver(points, len(photos), options.focus_power > 0)
         tell = counting(progress, len(photos))
-        projected = project_views(points, views, observer, options, scratch, tell)
+        projected = coming.project(points, observer, scratch, tell)
         shared = observer.shared()
         light, focus = solve_photos(shared, options)
         gains, grids = gains_of(light.corrections), grids_of(photos.cameras, light.corrections)

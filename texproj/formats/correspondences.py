@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from texproj.arrays import Doubles
 from texproj.errors import InputError, excerpt, nearest_name
 from texproj.formats.camera_bounds import MOST_TRANSLATION
 from texproj.formats.documents import finite_number, read_lines
@@ -29,18 +31,32 @@ def read_correspondences(path: Path) -> Correspondences:
     many languages do, where decimal commas count, too. Raises InputError with file and line for
     whatever is not a number of possible size.
     """
+    values, names = _table(path, COLUMNS)
+    return Correspondences(values[:, :2], values[:, 2:], names)
+
+
+def read_pixels(path: Path) -> tuple[Doubles, Doubles, tuple[str, ...]]:
+    """(n, 2) pixels, (n, 3) points and names of a file whose points may be missing: NaN. Raises
+    InputError; see `read_correspondences`.
+    """
+    values, names = _table(path, COLUMNS[:2])
+    return values[:, :2], values[:, 2:], names
+
+
+def _table(path: Path, needed: Sequence[str]) -> tuple[Doubles, tuple[str, ...]]:
+    """(n, 5) numbers, NaN for columns that are not there and not needed, and names of the rows."""
     lines = [(i, line) for i, line in enumerate(read_lines(path, MOST_BYTES), 1) if _content(line)]
     if not lines:
         raise InputError(f"{path}: empty; its first line must be {','.join(COLUMNS)}[,name]")
     separator = max(SEPARATORS, key=lines[0][1].count)
     rows = [_cells(f"{path}, line {i}", line, separator) for i, line in lines]
-    position = _positions(path, rows[0])
-    numbers = [
-        _numbers(f"{path}, line {i}", position, row, separator != ",")
-        for (i, _), row in zip(lines[1:], rows[1:], strict=True)
-    ]
-    values = np.array(numbers, np.float64).reshape(-1, 5)
-    return Correspondences(values[:, :2], values[:, 2:], _names(position, rows[1:]))
+    position = _positions(path, rows[0], needed)
+    values = np.full((len(lines) - 1, len(COLUMNS)), np.nan)
+    told = [n for n, column in enumerate(COLUMNS) if column in position]
+    for n, ((i, _), row) in enumerate(zip(lines[1:], rows[1:], strict=True)):
+        where = f"{path}, line {i}"
+        values[n, told] = _numbers(where, position, row, separator != ",")
+    return values, _names(position, rows[1:])
 
 
 def correspondences_csv(picks: Correspondences) -> str:
@@ -69,10 +85,10 @@ def _content(line: str) -> bool:
     return bool(line.strip()) and not line.lstrip().startswith("#")
 
 
-def _positions(path: Path, header: list[str]) -> dict[str, int]:
+def _positions(path: Path, header: list[str], needed: Sequence[str]) -> dict[str, int]:
     """Where each known column stands."""
     names = [cell.strip().lower() for cell in header]
-    for column in COLUMNS:
+    for column in needed:
         if column not in names:
             hint = nearest_name(column, names) if finite_number(names[0]) is None else ""
             raise InputError(
@@ -86,7 +102,7 @@ def _numbers(
     where: str, position: dict[str, int], row: list[str], decimal_commas: bool
 ) -> list[float]:
     values = []
-    for column in COLUMNS:
+    for column in (column for column in COLUMNS if column in position):
         if position[column] >= len(row):
             raise InputError(f"{where}: {column} is missing (the line has {len(row)} values)")
         cell = row[position[column]].strip()

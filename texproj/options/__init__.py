@@ -17,10 +17,11 @@ from texproj.options.register import (
     SilhouetteOptions,
     StructureOptions,
 )
-from texproj.options.tools import DemoOptions, PreviewOptions, RenderOptions
+from texproj.options.tools import DemoLight, DemoOptions, PreviewOptions, RenderOptions
 
 __all__ = [
     "ColorOptions",
+    "DemoLight",
     "DemoOptions",
     "DevelopOptions",
     "LightOptions",

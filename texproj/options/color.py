@@ -89,7 +89,7 @@ class UnwrapOptions:
     """How the surface is cut into charts and laid out on the pages of the texture."""
 
     keep: Literal["auto", "on", "off"] = "auto"
-    """Texture coordinates that the mesh (glb, gltf, obj) brings are the texture's, with materials,
+    """Texture coordinates that the mesh brings are the texture's, with materials,
     tiles and names. "auto": where every face has a place of its own; "on": shared places are
     painted once, and it is an error to have none; "off": never."""
 
@@ -141,6 +141,10 @@ class OutputOptions:
 
     quality: Annotated[int, Field(ge=1, le=100)] = 95
     """Of jpeg and webp; 100 = webp without loss."""
+
+    compression: Annotated[Literal["none", "draco"], EXPERT] = "none"
+    """Of a textured glb's geometry. draco: a tenth of the bytes, positions off by less than a
+    hundredth of an edge; viewers without Draco show nothing, the web page among them."""
 
     normals: bool = True
     """Write a normal for each vertex."""

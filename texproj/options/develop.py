@@ -16,6 +16,10 @@ class DevelopOptions:
     white_balance: Literal["camera", "daylight"] = "camera"
     """White balance of RAW files: as each shot's camera set it, or daylight, the same for all."""
 
+    lens_light: Annotated[bool, EXPERT] = True
+    """Give back the light that a RAW file's lens loses to the corners, where lensfun's database
+    knows it at this focal length and aperture. What the photos tell is corrected after it."""
+
     pair: Annotated[Literal["raw", "jpeg"], EXPERT] = "raw"
     """Which file is the photo where a shot is there as RAW and as JPEG."""
 

@@ -35,6 +35,10 @@ class PreviewOptions:
     """Longest request that is read."""
 
 
+DemoLight = Literal["flash", "natural", "turntable"]
+"""The light of a demo whose light is to be found."""
+
+
 @dataclass(frozen=True, config=STRICT)
 class DemoOptions:
     """A synthetic project with known truth."""

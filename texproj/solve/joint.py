@@ -6,8 +6,9 @@ another. The point moves with camera j: its ray is cut with the plane that touch
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from texproj.solve.reprojection import projection_jacobian
 from texproj.solve.shared_lens import LensParameters, ideal_of
 
 Cameras = tuple[Camera, ...]
+Rows = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,37 +89,44 @@ class JointPoses:
 
     def residual(self, cameras: Cameras) -> Doubles:
         """(n, 2) seen minus measured position in camera i, over sigma; NaN where not seen."""
-        xyz = self.points(cameras)
-        out = np.full((len(self.ties), 2), np.nan)
-        for i in np.unique(self.ties.to):
-            rows = self.ties.to == i
+        xyz, out = self.points(cameras), np.empty((len(self.ties), 2))
+        for i, rows in self._by_to:
             out[rows] = cameras[i].project(xyz[rows])[0] - self.ties.to_px[rows]
         return out / self.sigma_px[self.ties.to, None]
 
     def points(self, cameras: Cameras) -> Doubles:
         """(n, 3) where the ties' rays meet the surface, world."""
         out = np.empty((len(self.ties), 3))
-        for j in np.unique(self.ties.source):
-            rows = self.ties.source == j
+        for j, rows in self._by_source:
             out[rows] = self._met(cameras[j], rows)
         return out
 
-    def jacobian(self, cameras: Cameras) -> sparse.csr_matrix:
-        """(2 n, 6 cameras + lens parameters) derivative of the residual by the step."""
-        n, names = len(self.ties), self.lenses.names
-        own, other = np.zeros((2, n, 2, 6 + len(names)))
-        xyz = self.points(cameras)
-        for i in np.unique(self.ties.to):
-            rows = self.ties.to == i
-            own[rows] = projection_jacobian(cameras[i], xyz[rows], names)
-        for i, j in np.unique(np.stack([self.ties.to, self.ties.source], axis=1), axis=0):
-            rows = (self.ties.to == i) & (self.ties.source == j)
-            by_point = own[rows][:, :, 3:6] @ cameras[i].pose.R
-            other[rows] = by_point @ self._point_jacobian(cameras[j], rows)
-        sigma = self.sigma_px[self.ties.to][:, None, None]
-        own /= sigma
-        other /= sigma
-        return self._scattered(own, self.ties.to) + self._scattered(other, self.ties.source)
+    def jacobian(self, cameras: Cameras) -> Iterator[tuple[Rows, sparse.csr_matrix]]:
+        """Of the ties sought in one camera after the other: their rows, and the
+        (2 k, 6 cameras + lens parameters) derivative of these residuals by the step.
+        """
+        for i, rows in self._by_to:
+            yield rows, self._by_step(cameras, i, rows)
+
+    @cached_property
+    def _by_to(self) -> list[tuple[int, Rows]]:
+        return _grouped(self.ties.to)
+
+    @cached_property
+    def _by_source(self) -> list[tuple[int, Rows]]:
+        return _grouped(self.ties.source)
+
+    def _by_step(self, cameras: Cameras, i: int, rows: Rows) -> sparse.csr_matrix:
+        """(2 k, 6 cameras + lens parameters) of the ties `rows`, all sought in camera i."""
+        names, sources = self.lenses.names, self.ties.source[rows]
+        own, other = np.empty((2, len(rows), 2, 6 + len(names)))
+        for j, chosen in _grouped(sources):
+            xyz = self._met(cameras[j], rows[chosen])
+            own[chosen] = projection_jacobian(cameras[i], xyz, names)
+            by_point = own[chosen, :, 3:6] @ cameras[i].pose.R
+            other[chosen] = by_point @ self._point_jacobian(cameras[j], rows[chosen], xyz)
+        blocks = np.stack([own, other]) / self.sigma_px[i]
+        return self._scattered(blocks[0], self.ties.to[rows]) + self._scattered(blocks[1], sources)
 
     def step(self, cameras: Cameras, delta: Doubles) -> Cameras:
         """Each pose moved by its six numbers, each lens by its own."""
@@ -156,7 +165,7 @@ class JointPoses:
         held = np.concatenate([np.zeros(6 * len(cameras)), value])
         return sparse.csr_matrix(sparse.diags(weight)), held
 
-    def _met(self, camera: Camera, rows: NDArray[np.bool_]) -> Doubles:
+    def _met(self, camera: Camera, rows: Rows) -> Doubles:
         """(k, 3) where the rays of `rows` meet the surface, world."""
         px, guess = self.ties.source_px[rows], self.ties.ideal_in_source[rows]
         ideal = ideal_of(camera.intrinsics, px, guess)
@@ -168,12 +177,11 @@ class JointPoses:
         out: Doubles = camera.center + ray * along[:, None]
         return out
 
-    def _point_jacobian(self, camera: Camera, rows: NDArray[np.bool_]) -> Doubles:
-        """(k, 3, 6 + names) how the surface point moves with pose and lens of the camera whose ray
-        it is on: its pixel stays.
+    def _point_jacobian(self, camera: Camera, rows: Rows, xyz: Doubles) -> Doubles:
+        """(k, 3, 6 + names) how the surface points (k, 3) of `rows` move with pose and lens of the
+        camera whose rays they are on: their pixels stay.
         """
         R = camera.pose.R
-        xyz = self._met(camera, rows)
         turn = R.T @ _cross_matrices(camera.pose.apply(xyz))
         shift = -np.broadcast_to(R.T, (len(xyz), 3, 3))
         at = projection_jacobian(camera, xyz, self.lenses.names)
@@ -199,6 +207,14 @@ class JointPoses:
         starts = np.arange(0, 2 * n * width + 1, width, dtype=np.int32)
         shape = (2 * n, 6 * len(self.fixed) + self.lenses.count)
         return sparse.csr_matrix(((blocks * free[:, None]).ravel(), indices, starts), shape)
+
+
+def _grouped(numbers: NDArray[np.intp]) -> list[tuple[int, Rows]]:
+    """Each number that occurs, and where."""
+    order = np.argsort(numbers, kind="stable")
+    values, starts = np.unique(numbers[order], return_index=True)
+    parts = np.split(order, starts[1:]) if len(values) else []
+    return list(zip(values.tolist(), parts, strict=True))
 
 
 def _cross_matrices(v: Doubles) -> Doubles:

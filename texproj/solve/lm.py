@@ -6,10 +6,12 @@ residual row by iterative reweighting. The variable is any value that `step` can
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Generic, Literal, Protocol, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
@@ -32,8 +34,9 @@ class Problem(Protocol[X]):
         """(n, d) residual rows; NaN where it cannot be computed, which counts as `FAR` off."""
 
     def jacobian(self, x: X) -> Any:
-        """(n, d, p) float64 derivative of the residual by `step`'s delta, or a
-        (n * d, p) scipy.sparse matrix."""
+        """(n, d, p) float64 derivative of the residual by `step`'s delta, or an iterator over parts
+        of it that are never there together: (k,) numbers of rows, each row once, and their
+        (k * d, p) scipy.sparse matrix."""
 
     def step(self, x: X, delta: Doubles) -> X:
         """A new x, moved by `delta` (p,)."""
@@ -178,19 +181,18 @@ class _Linearized(Generic[X]):
         weights = np.where(known, loss.weight(s), 0)
         clean = np.where(known[:, None], residual, 0)
         jacobian = problem.jacobian(x)
-        if not _is_sparse(jacobian):
-            jacobian = np.where(known[:, None, None], jacobian, 0).reshape(residual.size, -1)
-        row_weights = np.repeat(weights, residual.shape[1])
-        weighted = jacobian.T.multiply(row_weights) if _is_sparse(jacobian) else (
-            jacobian.T * row_weights
-        )  # fmt: skip
         prior, prior_jacobian = problem.prior(x)
         prior_hessian = prior_jacobian.T @ prior_jacobian
-        if _is_sparse(jacobian):
+        if isinstance(jacobian, np.ndarray):
+            jacobian = np.where(known[:, None, None], jacobian, 0).reshape(residual.size, -1)
+            weighted = jacobian.T * np.repeat(weights, residual.shape[1])
+            hessian, gradient = weighted @ jacobian, weighted @ clean.ravel()
+        else:
+            hessian, gradient = _summed(jacobian, clean, weights, prior_hessian.shape[0])
             prior_hessian = sparse.csc_array(prior_hessian)
-        gradient = weighted @ clean.ravel() + prior_jacobian.T @ prior
+        gradient = gradient + prior_jacobian.T @ prior
         cost = float(loss.cost(s).sum() + prior @ prior)
-        return cls(x, cost, residual, weights, weighted @ jacobian, prior_hessian, gradient)
+        return cls(x, cost, residual, weights, hessian, prior_hessian, gradient)
 
     def damped_step(self, damping: float) -> Doubles:
         hessian = self.data_hessian + self.prior_hessian
@@ -216,6 +218,22 @@ class _Linearized(Generic[X]):
             self.x, initial_cost, self.cost, iterations, stop, self.residual, self.weights,
             self.data_hessian, self.prior_hessian, scatter2,
         )  # fmt: skip
+
+
+def _summed(
+    parts: Iterator[tuple[NDArray[np.intp], Any]], clean: Doubles, weights: Doubles, width: int
+) -> tuple[Any, Doubles]:
+    """((p, p) sparse J'WJ, (p,) J'Wr) of the parts of a jacobian with p = width columns."""
+    gradient, blocks = np.zeros(width), [sparse.coo_matrix((width, width))]
+    for rows, part in parts:
+        weighted = part.T.multiply(np.repeat(weights[rows], clean.shape[1])).tocsr()
+        gradient += weighted @ clean[rows].ravel()
+        blocks.append((weighted @ part).tocoo())
+    row, column, value = (
+        np.concatenate([getattr(block, name) for block in blocks])
+        for name in ("row", "col", "data")
+    )
+    return sparse.csc_array((value, (row, column)), (width, width)), gradient
 
 
 def _is_sparse(matrix: Any) -> bool:

@@ -33,7 +33,8 @@ from texproj.stages.lighting import LightKind, Pages
 from texproj.stages.writing import OutputPlan, write_texture
 
 if TYPE_CHECKING:
-    from texproj.appearance.recovered import Appearance, FlashLight
+    from texproj.appearance.flash.pooled import Pooled
+    from texproj.appearance.recovered import Appearance, FlashLight, PolarizedLight
 
 PLY, GLB, LIGHT, MATERIALS = "appearance.ply", "appearance.glb", "light.json", "materials.json"
 BASE, ROUGHNESS, METALLIC, CONFIDENCE = "base_color", "roughness", "metallic", "confidence"
@@ -77,17 +78,19 @@ def _write_vertices(
         "metallic": with_one_more(appearance.metallic, 0),
         "confidence": with_one_more(appearance.confidence, 0),
     }
+    if appearance.mirrored is not None:
+        values["mirrored"] = with_one_more(appearance.mirrored, 0)
     write_ply(
         folder / PLY, source.source_vertices, source.source_faces,
         np.round(srgb_from_linear(rgb) * 255).astype(np.uint8),
         np.concatenate([normals, np.zeros((1, 3))])[rows], plan.provenance.lines, values,
     )  # fmt: skip
     model = ColoredMesh(source.mesh.vertices, source.mesh.faces, appearance.base, normals)
-    light = flash_of(appearance)
+    light = _labelled(appearance)
     if light is None:
         write_colored_glb(folder / GLB, model, False, plan.standing, plan.provenance)
     else:
-        parts = Parts(_gloss(light), _most(light.label[source.mesh.faces]))
+        parts = Parts(_gloss(_kinds(light)), _most(light.label[source.mesh.faces]))
         write_glossy_glb(folder / GLB, model, parts, plan.standing, plan.provenance)
     return PLY, GLB
 
@@ -99,13 +102,28 @@ def flash_of(appearance: Appearance) -> FlashLight | None:
     return appearance.light if isinstance(appearance.light, FlashLight) else None
 
 
-def _gloss(light: FlashLight) -> list[Gloss]:
+def _labelled(appearance: Appearance) -> FlashLight | PolarizedLight | None:
+    """Light that tells what each vertex is made of, where it is believed."""
+    from texproj.appearance.recovered import FlashLight, PolarizedLight  # noqa: PLC0415
+
+    light = appearance.light
+    return light if isinstance(light, FlashLight | PolarizedLight) else None
+
+
+def _kinds(light: FlashLight | PolarizedLight) -> Sequence[Pooled]:
+    """The materials that it tells of."""
+    from texproj.appearance.recovered import FlashLight  # noqa: PLC0415 - slow to load
+
+    return light.found.materials if isinstance(light, FlashLight) else light.kinds
+
+
+def _gloss(kinds: Sequence[Pooled]) -> list[Gloss]:
     return [
         Gloss(
             f"material_{number}", one.material.roughness, float(one.material.metal),
             one.material.f0 if one.f0_known and not one.material.metal else None,
         )
-        for number, one in enumerate(light.found.materials)
+        for number, one in enumerate(kinds)
     ]  # fmt: skip
 
 
@@ -167,7 +185,37 @@ def light_facts(
     light = flash_of(appearance)
     if kind == "flash":
         return told | ({} if light is None else _flash_facts(light)) | _normal_facts(pages)
+    if kind == "turntable":
+        return told | _room_facts(appearance)
+    if kind == "polarized":
+        return told | _sky_facts(appearance) | _room_facts(appearance) | _output(appearance)
     return told | _sky_facts(appearance)
+
+
+def _output(appearance: Appearance) -> dict[str, Any]:
+    from texproj.appearance.recovered import PolarizedLight  # noqa: PLC0415 - slow to load
+
+    light = appearance.light
+    return {"output": light.output if isinstance(light, PolarizedLight) else None}
+
+
+def _room_facts(appearance: Appearance) -> dict[str, Any]:
+    from texproj.appearance.recovered import TurntableLight  # noqa: PLC0415 - slow to load
+
+    light = appearance.light
+    if not isinstance(light, TurntableLight):
+        return {"sun": None, "sky": None, "room": None}
+    lamps = [
+        {
+            "direction": lamp.direction.tolist(),
+            "distance": lamp.distance if np.isfinite(lamp.distance) else None,
+            "radius_deg": lamp.radius_deg,
+            "irradiance": strength.tolist(),
+        }
+        for lamp, strength in zip(light.lamps, light.strength, strict=True)
+    ]
+    room = {"sky": light.sky.tolist(), "lamps": lamps, "exposure": light.exposure}
+    return {"sun": None, "sky": None, "room": room}
 
 
 def _sky_facts(appearance: Appearance) -> dict[str, Any]:
@@ -203,12 +251,12 @@ def _flash_facts(light: FlashLight) -> dict[str, Any]:
 
 def material_facts(mesh: Mesh, appearance: Appearance) -> list[dict[str, Any]] | None:
     """What materials.json holds: one entry a material; None where the light tells of none."""
-    light = flash_of(appearance)
+    light = _labelled(appearance)
     if light is None:
         return None
     seen = appearance.confidence > 0
     out = []
-    for number, one in enumerate(light.found.materials):
+    for number, one in enumerate(_kinds(light)):
         rows = (light.label == number) & seen
         base = appearance.base[rows]
         out.append({

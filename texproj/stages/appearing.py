@@ -24,6 +24,7 @@ from texproj.stages.coloring import (
     seen_inputs,
     usable_cameras,
 )
+from texproj.stages.crossing import crossed_inputs
 from texproj.stages.freshness import Freshness, Inputs, changed_inputs, options_inputs
 from texproj.stages.lighting import (
     Target,
@@ -88,6 +89,22 @@ def light_lines(light: dict[str, Any]) -> Iterator[str]:
         yield f"base color: {'reflectance' if light['absolute'] else 'known up to a factor'}"
         yield from _normals_line(light.get("normals"))
         return
+    if light["kind"] == "polarized":
+        yield "polarized: paint from photos-crossed/, mirrors from what photos/ show beyond it"
+        yield (
+            f"held out: {told['lit_db']:.1f} dB with the light, {told['plain_db']:.1f} dB without"
+        )
+        yield f"base color: {known_as(light)}"
+        return
+    if light["kind"] == "turntable":
+        lamps = len(light["room"]["lamps"])
+        yield (
+            f"turntable: a soft light and {lamps} lamp{'' if lamps == 1 else 's'} that stood still;"
+            f" {told['photos']} photos left out of the fit are predicted by {told['lit_db']:.1f}"
+            f" dB, by plain colors {told['plain_db']:.1f}"
+        )
+        yield f"base color: {known_as(light)}"
+        return
     sun = light["sun"]
     if sun is None:
         yield "light: a sky, no sun"
@@ -98,8 +115,12 @@ def light_lines(light: dict[str, Any]) -> Iterator[str]:
         f"parts of the surface left out of the fit: {told['lit_db']:.1f} dB with the light,"
         f" {told['plain_db']:.1f} dB without"
     )
-    known = "reflectance" if light["absolute"] else "known up to a factor; a color chart fixes it"
-    yield f"base color: {known}"
+    yield f"base color: {known_as(light)}"
+
+
+def known_as(light: dict[str, Any]) -> str:
+    """What the base color is."""
+    return "reflectance" if light["absolute"] else "known up to a factor; a color chart fixes it"
 
 
 def _normals_line(told: dict[str, Any] | None) -> Iterator[str]:
@@ -133,13 +154,14 @@ def appearance_project(
     cameras, failed = usable_cameras(project)
     keep_occluders(bench, cameras, progress)
     inputs = _inputs(project, to)
-    plan = output_plan(*_wanted(project), tuple(cameras.values()))
+    measured = [project.photo_info(name).up_in_cam for name in cameras]
+    plan = output_plan(*_wanted(project), tuple(cameras.values()), measured)
     colors, appearance = found_appearance(bench, progress)
     failed |= colors.failed
     if not set(cameras) - set(failed):
         raise InputError(f"no photo could be read: {'; '.join(failed.values())}")
     pages = found_pages(bench, appearance, progress) if to == "texture" else None
-    light = light_facts(appearance, kind_of(project), pages)
+    light = light_facts(appearance, kind_of(project, appearance), pages)
     used = [name for name in cameras if name not in failed]
     plan = replace(plan, provenance=provenance_of(project, used))
     with staging(project.out) as folder:
@@ -191,7 +213,8 @@ def _made(record: dict[str, Any] | None) -> Target:
 
 def _inputs(project: Project, to: Target) -> Inputs:
     seen = seen_inputs(with_chart(project))
-    return {**options_inputs(project, VERSION, *SECTIONS), "to": to, **seen}
+    crossed = crossed_inputs(project)
+    return {**options_inputs(project, VERSION, *SECTIONS), "to": to, **seen, **crossed}
 
 
 def _outcome(project: Project, record: dict[str, Any], kept: bool) -> AppearanceOutcome:

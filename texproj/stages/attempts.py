@@ -11,7 +11,7 @@ from texproj.errors import InputError
 from texproj.records import PROOF, CameraRecord, Fit, Status
 from texproj.stages.attending import PhotoFaultError, attended
 from texproj.stages.bench import Workbench
-from texproj.stages.lineage import FAULT, Trace
+from texproj.stages.lineage import FAULT
 from texproj.stages.methods import METHODS, Job, Search, believed, search_as_asked
 from texproj.stages.outcomes import (
     UNUSABLE,
@@ -21,6 +21,7 @@ from texproj.stages.outcomes import (
     registered_record,
 )
 from texproj.stages.progress import Progress
+from texproj.stages.traces import Trace
 
 if TYPE_CHECKING:
     from texproj.stages.judging import Judgement

@@ -18,6 +18,7 @@ from texproj.photo import Correspondences
 from texproj.project import Project
 from texproj.records import CameraRecord
 from texproj.render import GBuffer, Renderer, Scene, ambient_occlusion, open_renderer
+from texproj.resources.workers import Workers
 from texproj.stages.entries import camera_hash
 
 if TYPE_CHECKING:
@@ -50,10 +51,13 @@ class Recent(Generic[K, V]):
 
 
 class Workbench:
-    """Mesh, renderer and scene of a project; a context manager that releases them."""
+    """Mesh, renderer and scene of a project; a context manager that releases them.
 
-    def __init__(self, project: Project) -> None:
-        self.project = project
+    crew: the workers of a cluster that know the project, if one was asked for.
+    """
+
+    def __init__(self, project: Project, crew: Workers | None = None) -> None:
+        self.project, self.crew = project, crew
         self._open = ExitStack()
         self._features: Recent[str, Features] = Recent(128)
         self._known: Recent[tuple[str, str], Known] = Recent(16)

@@ -72,7 +72,11 @@ def place_together(
         return refused | told
     keep_graph(bench.project, motion.graph)
     told = _of(names, {**told, **motion.left_out})
-    known = Beforehand({photo.name for photo in photos if photo.intrinsics is not None}, _up(bench))
+    known = Beforehand(
+        {photo.name for photo in photos if photo.intrinsics is not None},
+        _up(bench),
+        {photo.name: photo.info.up_in_cam for photo in photos},
+    )
     for part in motion.parts:
         if {*part.names} & {*names}:
             told |= _placed(bench, part, anchors, known, progress)

@@ -172,7 +172,10 @@ def choose(project: Project, number: int | None) -> ChoiceOutcome:
     """
     known = questions(project)
     if not known:
-        raise UsageError(f"{project.root} has no places to choose from; run `texproj register`")
+        why = "has no places to choose from"
+        if _kept(project):
+            why = "has places to choose from, but its mesh or photos have changed since"
+        raise UsageError(f"{project.root} {why}; run `texproj register`")
     question = next((q for q in known if q.is_open), known[-1])
     if number is not None and not NONE_OF_THEM <= number <= len(question.places):
         raise UsageError(f"there is no place {number}: 1 to {len(question.places)}, 0 for none")

@@ -32,7 +32,7 @@ from texproj.stages.layouts import (
     mesh_to_fill,
 )
 from texproj.stages.lightening import check_levels, levels_of, told_of_levels, write_levels
-from texproj.stages.occluding import keep_occluders, occluder_inputs
+from texproj.stages.occluding import keep_occluders, occluder_inputs, occluders_sought
 from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
 from texproj.stages.provenance import provenance_of
@@ -103,12 +103,14 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
     if before is not None and color_freshness(project).fresh:
         return _outcome(project, before, kept=True)
     cameras, failed = usable_cameras(project)
-    plan = output_plan(project.settings.color, project.settings.output, tuple(cameras.values()))
+    measured = [project.photo_info(name).up_in_cam for name in cameras]
+    wanted = project.settings.color, project.settings.output
+    plan = output_plan(*wanted, tuple(cameras.values()), measured)
     hidden = keep_occluders(bench, cameras, progress)
     inputs = _inputs(project)
     check_levels(project.settings.color, project.settings.output)
     notes = layout_notes(bench)
-    colors, write = _made(bench, photo_set(project, cameras), progress)
+    colors, write = _made(bench, _projected_by_crew(bench, photo_set(project, cameras)), progress)
     failed |= colors.failed
     if not set(cameras) - set(failed):
         raise InputError(f"no photo could be read: {'; '.join(failed.values())}")
@@ -220,12 +222,21 @@ def photo_set(project: Project, cameras: Mapping[str, Camera]) -> PhotoSet:
     """The photos of these cameras, without what stands in front of the piece."""
     from texproj.color.sampling.photo_set import PhotoSet  # noqa: PLC0415 - slow to load
 
-    cut = project.settings.color.occluders
+    cut = occluders_sought(project)
 
     def read(name: str) -> Photo:
         return attended(name, partial(project.load_photo, name, cut=cut))
 
     return PhotoSet(tuple(cameras), tuple(cameras.values()), read)
+
+
+def _projected_by_crew(bench: Workbench, photos: PhotoSet) -> PhotoSet:
+    """The photos, which the workers of a cluster project, if one was asked for."""
+    if bench.crew is None:
+        return photos
+    from texproj.stages.projection_tasks import ProjectionByCrew  # noqa: PLC0415 - slow to load
+
+    return replace(photos, elsewhere=ProjectionByCrew(bench.crew, bench.project))
 
 
 def _made(

@@ -78,4 +78,9 @@ def changed_inputs(
 
 def _without_parts(names: Sequence[str]) -> list[str]:
     """The names without those of what belongs to another that is there."""
-    return [name for name in names if name.rpartition(" of ")[2] not in {*names} - {name}]
+    known = set(names)
+    return [
+        name
+        for name in names
+        if (owner := name.rpartition(" of ")[2]) == name or owner not in known
+    ]

@@ -9,7 +9,7 @@ from typing import Any
 from texproj.errors import OutputError
 from texproj.project import Project
 from texproj.records import CameraRecord
-from texproj.stages.lineage import STAGE, Trace
+from texproj.stages.traces import STAGE, Trace, keep_blocks
 
 SHARE = 0.05
 """Most of the time that may go into writing cameras.json: it is written as a whole, and grows with
@@ -52,6 +52,7 @@ class Keeper:
         made: dict[str | None, Any] = {
             name: trace.as_dict() for name, trace in self._traces.items()
         }
+        keep_blocks(self._project, self._traces)
         self._project.save_registration(self._records.values(), STAGE, made)
         self._records, self._traces = {}, {}
         end = time.monotonic()

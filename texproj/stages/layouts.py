@@ -47,8 +47,13 @@ def layout_notes(bench: Workbench) -> tuple[str, ...]:
 
 
 def layout_inputs(project: Project) -> Inputs:
-    """The files of the mesh's own textures, where they are used."""
-    if project.settings.color.fill != "texture":
+    """The files of the mesh's own textures, where they are used: to fill, or as maps beside the
+    colors, which only a gltf names.
+    """
+    settings = project.settings
+    maps = settings.color.to == "texture" and settings.unwrap.keep != "off"
+    maps = maps and project.mesh_path.suffix.lower() == ".gltf"
+    if not maps and settings.color.fill != "texture":
         return {}
     return file_inputs(project, **companions(project.mesh_path))
 

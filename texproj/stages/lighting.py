@@ -13,6 +13,12 @@ from texproj.project import Project
 from texproj.stages.bench import Workbench
 from texproj.stages.checking import checker_of
 from texproj.stages.coloring import photo_set, usable_cameras
+from texproj.stages.crossing import (
+    PhotoPairs,
+    by_polarized_flash,
+    photo_pairs,
+    with_mirrors,
+)
 from texproj.stages.progress import Progress
 
 if TYPE_CHECKING:
@@ -21,12 +27,13 @@ if TYPE_CHECKING:
     from texproj.appearance.natural import Chart
     from texproj.appearance.recovered import Appearance
     from texproj.color.result import Texture, VertexColors
+    from texproj.color.sampling.photo_set import PhotoSet
 
 HIGHLIGHT = 1.0
 """How strongly highlights are distrusted: they are none of the surface's color."""
 
 Target = Literal["vertices", "texture"]
-LightKind = Literal["natural", "flash"]
+LightKind = Literal["natural", "flash", "turntable", "polarized"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +46,15 @@ class Pages:
     surface: SurfacePages | None = None
 
 
-def kind_of(project: Project) -> LightKind:
-    """What light is looked for."""
-    return "flash" if project.settings.light.kind == "flash" else "natural"
+def kind_of(project: Project, found: Appearance | None = None) -> LightKind:
+    """What light is looked for; where the settings do not say it, that which was found."""
+    from texproj.appearance.recovered import TurntableLight  # noqa: PLC0415 - slow to load
+
+    said = project.settings.light.kind
+    if said != "none":
+        return said
+    turned = found is not None and isinstance(found.light, TurntableLight)
+    return "turntable" if turned else "natural"
 
 
 def check_light(project: Project) -> None:
@@ -50,7 +63,8 @@ def check_light(project: Project) -> None:
     if options.gray is not None and not (project.root / options.gray).is_file():
         path = project.root / options.gray
         raise InputError(f"no photo of a color chart at {path}; correct `gray` in [light]")
-    if kind_of(project) == "flash":
+    told = options.lamp is not None or options.flash is not None
+    if options.kind == "flash" or (options.kind == "polarized" and told):
         lamp_of(project)
 
 
@@ -107,36 +121,99 @@ def found_appearance(bench: Workbench, progress: Progress) -> tuple[VertexColors
     from texproj.color.vertices import color_vertices  # noqa: PLC0415 - slow to load
 
     project = with_chart(bench.project)
-    photos = photo_set(project, usable_cameras(project)[0])
+    cameras, said = usable_cameras(project)[0], project.settings.light.kind
+    pairs = photo_pairs(project, cameras) if said == "polarized" else None
+    photos = photo_set(project, cameras) if pairs is None else pairs.crossed
 
     def tell(done: int, total: int) -> None:
         progress("color", done, total, "")
 
     options, checker = _blending(project.settings.color, "vertices"), checker_of(project)
     colors = color_vertices(bench.mesh, photos, bench.renderer, options, checker, tell)
-    if kind_of(project) == "flash":
+    if pairs is not None:
+        colors = replace(colors, failed=colors.failed | pairs.failed)
+        return colors, _polarized(bench, colors, pairs, progress)
+    if said == "flash":
         return colors, _under_flash(bench, colors, progress)
-    return colors, _in_nature(bench, colors, progress)
+    return colors, _by_lamps_or_sky(bench, colors, _readable(bench, colors), progress)
+
+
+def _by_lamps_or_sky(
+    bench: Workbench, colors: VertexColors, photos: PhotoSet, progress: Progress
+) -> Appearance:
+    """Under light that goes with the camera, or light that stands still."""
+    said = bench.project.settings.light.kind
+    if said != "natural":
+        turned = _on_turntable(bench, colors, photos, progress)
+        if said == "turntable" or turned.accepted:
+            return turned
+    return _in_nature(bench, colors, progress)
 
 
 def _in_nature(bench: Workbench, colors: VertexColors, progress: Progress) -> Appearance:
     from texproj.appearance.natural import natural_appearance  # noqa: PLC0415 - slow to load
 
-    told = colors.quality.get("checker")
-    chart: Chart = "none" if told is None else "scale" if told["exposure_known"] else "tint"
-
     def tell(done: int, total: int) -> None:
         progress("appearance", done, total, "")
 
-    return natural_appearance(bench.mesh, colors.rgb, colors.weight > 0, chart, tell)
+    given = bench.mesh, colors.rgb, colors.weight > 0, _chart_of(colors), tell
+    return natural_appearance(*given, _gloss_of(bench.project))
+
+
+def _on_turntable(
+    bench: Workbench, colors: VertexColors, photos: PhotoSet, progress: Progress
+) -> Appearance:
+    from texproj.appearance.turntable.turned import Blended, turntable_appearance  # noqa: PLC0415
+
+    told = colors.quality.get("checker")
+    matrix = None if told is None else np.array(told["matrix"])
+    seen, gloss = colors.weight > 0, _gloss_of(bench.project)
+    blend = Blended(colors.rgb, seen, _chart_of(colors), matrix, gloss)
+    unsaid = bench.project.settings.light.kind != "turntable"
+
+    def tell(what: str, done: int, total: int) -> None:
+        progress(what, done, total, "")
+
+    return turntable_appearance(bench.mesh, photos, bench.renderer, blend, unsaid, tell)
+
+
+def _polarized(
+    bench: Workbench, colors: VertexColors, pairs: PhotoPairs, progress: Progress
+) -> Appearance:
+    """Under a flash where [light] says where it is, else under lamps that stand still."""
+    pairs = pairs.without(colors.failed)
+    options = bench.project.settings.light
+    if options.lamp is not None or options.flash is not None:
+        blend = colors.rgb, colors.weight > 0
+        return by_polarized_flash(bench, pairs, lamp_of(bench.project), blend, progress)
+    found = _by_lamps_or_sky(bench, colors, pairs.crossed, progress)
+    return with_mirrors(bench, pairs, found, progress)
+
+
+def _gloss_of(project: Project) -> float:
+    """Mean reflection in the photos that is none of the paint's."""
+    from texproj.appearance.light_fit import GLOSS  # noqa: PLC0415 - slow to load
+
+    return 0.0 if project.settings.light.kind == "polarized" else GLOSS
+
+
+def _chart_of(colors: VertexColors) -> Chart:
+    """What a color chart has made absolute in the colors."""
+    told = colors.quality.get("checker")
+    return "none" if told is None else "scale" if told["exposure_known"] else "tint"
+
+
+def _readable(bench: Workbench, colors: VertexColors) -> PhotoSet:
+    """The photos but those that could not be read."""
+    cameras = usable_cameras(bench.project)[0]
+    left = {name: camera for name, camera in cameras.items() if name not in colors.failed}
+    return photo_set(bench.project, left)
 
 
 def _under_flash(bench: Workbench, colors: VertexColors, progress: Progress) -> Appearance:
     from texproj.appearance.flash.recover import Blend, flash_appearance  # noqa: PLC0415
 
-    cameras = usable_cameras(bench.project)[0]
-    cameras = {name: camera for name, camera in cameras.items() if name not in colors.failed}
-    photos = photo_set(bench.project, cameras)
+    photos = _readable(bench, colors)
     blend = Blend(colors.rgb, colors.weight > 0)
 
     def tell(what: str, done: int, total: int) -> None:
@@ -151,7 +228,9 @@ def found_pages(bench: Workbench, appearance: Appearance, progress: Progress) ->
     from texproj.color.texture import color_texture  # noqa: PLC0415 - slow to load
 
     project = with_chart(bench.project)
-    photos = photo_set(project, usable_cameras(project)[0])
+    cameras = usable_cameras(project)[0]
+    polarized = project.settings.light.kind == "polarized"
+    photos = photo_pairs(project, cameras).crossed if polarized else photo_set(project, cameras)
 
     def tell(done: int, total: int) -> None:
         progress("texture", done, total, "")
@@ -169,7 +248,7 @@ def _pages(bench: Workbench, appearance: Appearance, colored: Texture, progress:
     from texproj.appearance.texels import base_texture  # noqa: PLC0415
 
     light = appearance.light
-    if kind_of(bench.project) == "natural" or not isinstance(light, FlashLight):
+    if not isinstance(light, FlashLight):
         return Pages(base_texture(bench.mesh, colored, appearance))
     cameras = usable_cameras(bench.project)[0]
     photos = photo_set(bench.project, {name: cameras[name] for name in light.names})

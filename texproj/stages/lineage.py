@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
-from itertools import chain
-from typing import Any
 
 from texproj.files import json_hash
 from texproj.formats.cameras import entry_of_record
@@ -16,42 +13,15 @@ from texproj.records import CameraRecord
 from texproj.stages.choosing import said_of
 from texproj.stages.entries import Entries, camera_hash, own_registration, start_of
 from texproj.stages.freshness import FAILED, Freshness, Inputs, changed_inputs, file_inputs
-from texproj.stages.methods import AUTO, MOST_COMPARED, READS
+from texproj.stages.methods import AUTO, READS
+from texproj.stages.neighborhood import Behind, Neighborhood
 from texproj.stages.partners import companions
+from texproj.stages.traces import STAGE, Trace, read_traces
 
-STAGE = "register"
 VERSION = 2
 OTHERS = "other registered photos"
 FAULT = "internal_fault"
 """Key of an entry's quality: nobody foresaw why it failed, so it is tried again."""
-
-
-@dataclass(frozen=True, eq=False)
-class Trace:
-    """How an entry came about; kept in work/register, one file a photo.
-
-    asked: the method of the settings; tried: the methods that ran, in their order; block: the
-    photos that were placed together with this one; inputs: what those methods read.
-    """
-
-    asked: str
-    tried: tuple[str, ...]
-    block: tuple[str, ...]
-    inputs: Inputs
-
-    @classmethod
-    def read(cls, project: Project, name: str) -> Trace | None:
-        """The trace of a photo; None if there is none, or one that is not understood."""
-        told = project.load_record(STAGE, name)
-        if told is None:
-            return None
-        tried, block = told.get("tried"), told.get("block")
-        tried = tried if isinstance(tried, list) and set(map(str, tried)) <= READS.keys() else []
-        block = [n for n in block if isinstance(n, str)] if isinstance(block, list) else []
-        return cls(str(told.get("asked")), tuple(tried), tuple(block), told["inputs"])
-
-    def as_dict(self) -> dict[str, Any]:
-        return asdict(self)
 
 
 class Sources:
@@ -108,71 +78,6 @@ class Sources:
         return {"place that was chosen": self._said[name]} if name in self._said else {}
 
 
-class Neighborhood:
-    """The photos in the order of their names, and which of those around one are registered.
-
-    registered: their names in that order; companions: by photo, the others that show the same, the
-    best first.
-    """
-
-    def __init__(
-        self,
-        names: Sequence[str],
-        registered: Collection[str],
-        companions: Mapping[str, Sequence[str]],
-    ) -> None:
-        self._rank = {name: k for k, name in enumerate(names)}
-        self.registered = [name for name in names if name in registered]
-        self._ranks = [self._rank[name] for name in self.registered]
-        self.companions = companions
-
-    def around(self, name: str, apart: Collection[str]) -> tuple[str, ...]:
-        """The registered photos that are next to `name`, without `name` and those `apart`: first
-        those that show the same, then those whose names are next to it.
-        """
-        found: dict[str, None] = {}
-        for other in chain(self._companions(name), self._outwards(self._rank[name])):
-            if other != name and other not in apart:
-                found[other] = None
-                if len(found) == MOST_COMPARED:
-                    break
-        return tuple(found)
-
-    def _companions(self, name: str) -> Iterator[str]:
-        return (other for other in self.companions.get(name, ()) if self._has(other))
-
-    def _has(self, name: str) -> bool:
-        rank = self._rank.get(name, -1)
-        place = bisect_left(self._ranks, rank)
-        return self._ranks[place : place + 1] == [rank]
-
-    def add(self, name: str) -> None:
-        """One more photo is registered."""
-        if not self._has(name):
-            place = bisect_left(self._ranks, self._rank[name])
-            self.registered.insert(place, name)
-            self._ranks.insert(place, self._rank[name])
-
-    def remove(self, name: str) -> None:
-        """A photo is registered no more."""
-        if self._has(name):
-            place = bisect_left(self._ranks, self._rank[name])
-            del self.registered[place], self._ranks[place]
-
-    def _outwards(self, rank: int) -> Iterator[str]:
-        after = bisect_left(self._ranks, rank)
-        before = after - 1
-        while before >= 0 or after < len(self._ranks):
-            below = rank - self._ranks[before] if before >= 0 else float("inf")
-            above = self._ranks[after] - rank if after < len(self._ranks) else float("inf")
-            if below <= above:
-                yield self.registered[before]
-                before -= 1
-            else:
-                yield self.registered[after]
-                after += 1
-
-
 @dataclass(frozen=True, eq=False)
 class Lineage:
     """What the registrations of a project's photos were made from.
@@ -201,11 +106,11 @@ class Lineage:
         registered = {n for n in names if n in entries and entries[n].vouches}
         around = Neighborhood(names, registered, companions(project))
         behind = Behind(entries.values())
-        traces = {name: Trace.read(project, name) for name in names}
+        traces = read_traces(project, names)
         alone = {
             name: state(
                 sources, name, entries.get(name), traces[name], cameras,
-                lambda name: around.around(name, behind.of(name)),
+                lambda name: around.around(name, behind.of(name).__contains__),
             )
             for name in names
         }  # fmt: skip
@@ -332,33 +237,6 @@ def _through_inputs(sources: Sources, entry: CameraRecord, cameras: Mapping[str,
 def _own_registered(entry: CameraRecord) -> bool:
     """Whether the photo's own registration succeeded, whatever the others said later."""
     return entry.status == "registered" or entry.refinement is not None
-
-
-class Behind:
-    """Which photos were found through which."""
-
-    def __init__(self, records: Iterable[CameraRecord]) -> None:
-        self._next: dict[str, set[str]] = {}
-        self._through: dict[str, tuple[str, ...]] = {}
-        for record in records:
-            self.put(record)
-
-    def put(self, record: CameraRecord) -> None:
-        """A photo's entry in place of the one before."""
-        for name in self._through.get(record.file, ()):
-            self._next[name].discard(record.file)
-        self._through[record.file] = record.through
-        for name in record.through:
-            self._next.setdefault(name, set()).add(record.file)
-
-    def of(self, name: str) -> set[str]:
-        """The photos that were found through `name`, directly or through others."""
-        found: set[str] = set()
-        new = set(self._next.get(name, ()))
-        while new:
-            found |= new
-            new = {n for k in new for n in self._next.get(k, ())} - found
-        return found
 
 
 def in_order(names: Iterable[str], entries: Entries) -> list[str]:

@@ -26,6 +26,18 @@ READ_PX = 640
 """Longer side at which photos are read for it."""
 
 
+MOVING_LIGHT = ("flash", "turntable", "polarized")
+"""Kinds of light that differ from photo to photo: their shadows and highlights contradict the other
+photos as an occluder does.
+"""
+
+
+def occluders_sought(project: Project) -> bool:
+    """Whether what contradicts the other photos is cut out."""
+    settings = project.settings
+    return settings.color.occluders and settings.light.kind not in MOVING_LIGHT
+
+
 def keep_occluders(
     bench: Workbench, cameras: Mapping[str, Camera], progress: Progress
 ) -> dict[str, Any]:
@@ -36,7 +48,7 @@ def keep_occluders(
     Raises OutputError.
     """
     project = bench.project
-    if not project.settings.color.occluders:
+    if not occluders_sought(project):
         return {}
     _check_places(project, cameras)
     record = project.load_record(STAGE) or {}
@@ -55,7 +67,7 @@ def keep_occluders(
 def occluder_inputs(project: Project, name: str) -> Inputs:
     """The mask as an input of the coloring."""
     path = project.occluder_path(name)
-    if not project.settings.color.occluders or not path.is_file():
+    if not occluders_sought(project) or not path.is_file():
         return {}
     return file_inputs(project, **{f"what stands in front in {name}": path})
 

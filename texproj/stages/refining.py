@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 
 STAGE = "refine"
 VERSION = 3
-CHANNELS = ("depth", "normal")
 BLOCK_PERCENT = 0.33
 """Freedom of a block's photos, percent of the longer side: 10 pixels of 3072."""
 HELD = "what holds the frame"
@@ -207,6 +206,7 @@ def _refine(
     from texproj.register.joint.holding import Picks  # noqa: PLC0415 - slow to load
     from texproj.register.joint.lenses import PhotoStart  # noqa: PLC0415
     from texproj.register.joint.refine import refine  # noqa: PLC0415
+    from texproj.stages.tie_tasks import CHANNELS, TiesByCrew  # noqa: PLC0415
 
     project = bench.project
     names = list(before)
@@ -230,7 +230,8 @@ def _refine(
 
     photos = [start(record, f) for record, f in zip(before.values(), held.fixed, strict=True)]
     return_freed_memory()
-    return refine(photos, load, render, project.settings.refine, tell)
+    crew = None if bench.crew is None else TiesByCrew(bench.crew, names)
+    return refine(photos, load, render, project.settings.refine, tell, crew)
 
 
 def _sigma_px(record: CameraRecord) -> float:

@@ -15,7 +15,7 @@ from texproj.stages.beside import searched_beside
 from texproj.stages.entries import camera_hash, own_registration, start_of
 from texproj.stages.freshness import Freshness
 from texproj.stages.keeping import Keeper
-from texproj.stages.lineage import FAULT, STAGE, Behind, Lineage, Neighborhood, Trace, inputs, state
+from texproj.stages.lineage import FAULT, Lineage, inputs, state
 from texproj.stages.methods import (
     AUTO,
     MOST_COMPARED,
@@ -31,6 +31,8 @@ from texproj.stages.methods import (
 from texproj.stages.outcomes import PhotoOutcome
 from texproj.stages.partners import companions, compare_looks, load_graph
 from texproj.stages.progress import Progress, silent
+from texproj.stages.surroundings import Surroundings
+from texproj.stages.traces import STAGE, Trace
 from texproj.stages.wave import Evidence, Wave
 
 Names = tuple[str, ...]
@@ -84,10 +86,9 @@ def register_photos(
 class _Run:
     """The chosen photos on their way to their outcomes.
 
-    waiting: those without an outcome; shaken: those of them that were found through others before,
-    so that their old cameras prove nothing; own: what came of what was tried before others were
-    asked; places: the photos from whose place each was tried already; faulty: those that met a
-    fault, alone or in a block; notes: what the others say of each.
+    waiting: those without an outcome; own: what came of what was tried before others were asked;
+    places: the photos from whose place each was tried already; faulty: those that met a fault,
+    alone or in a block; notes: what the others say of each; compared_looks: those of all are known.
     """
 
     def __init__(
@@ -100,19 +101,16 @@ class _Run:
         self.entries = self.project.load_cameras()
         self.lineage = Lineage.of(self.project, self.entries)
         self.cameras, self.traces = dict(self.lineage.cameras), dict(self.lineage.traces)
-        self.behind = Behind(self.entries.values())
-        registered = {n for n, entry in self.entries.items() if entry.vouches}
         self.graph = load_graph(self.project)
-        known = companions(self.project)
-        self.near = Neighborhood(self.project.photo_names, registered, known)
         self.waiting = set(chosen)
-        self.shaken = {name for name in chosen if self.through(name)}
+        self.near = Surroundings.of(self.lineage, self.waiting, companions(self.project))
         self.own: dict[str, Search] = {}
         self.places: dict[str, set[str]] = {}
         self.blocks: dict[str, tuple[str, ...]] = {}
         self.failed_with: dict[str, Evidence] = {}
         self.faulty: set[str] = set()
         self.notes: dict[str, str] = {}
+        self.compared_looks = False
 
     # --- what is known
 
@@ -141,18 +139,12 @@ class _Run:
         """Whether a photo was found through one that has no outcome yet."""
         return any(other in self.waiting and other != name for other in self.through(name))
 
-    def around(self, name: str) -> tuple[str, ...]:
-        """The registered photos next to a photo that may prove something about it: none that is
-        shaken, none that was found through it.
-        """
-        return self.near.around(name, self.shaken | self.behind.of(name))
-
     def job(self, name: str) -> Job:
-        neighbors = {other: self.entries[other] for other in self.around(name)}
+        neighbors = {other: self.entries[other] for other in self.near.around(name)}
         return Job(self.bench, name, start_of(self.entries.get(name)), neighbors)
 
     def evidence(self, name: str) -> Evidence:
-        return frozenset((other, self.cameras[other]) for other in self.around(name))
+        return frozenset((other, self.cameras[other]) for other in self.near.around(name))
 
     def strength(self, name: str) -> int:
         return shared_points(self.job(name))
@@ -291,7 +283,8 @@ class _Run:
         for name in self.chosen:
             if name in self.waiting or self.outcomes[name].may_be_helped:
                 wave.add(name, self.failed_with.get(name))
-        wave.look()
+        wave.look(self.chosen)
+        self.near.take_stirred()
         while (following := wave.next()) is not None:
             name = following
             if name not in self.waiting or not self.keep_if_it_holds(name, self.state(name)):
@@ -300,23 +293,28 @@ class _Run:
             if not self.outcomes[name].may_be_helped:
                 wave.drop(name)
             if not self.outcomes[name].failed:
-                wave.look()
+                stirred = self.near.take_stirred()
+                wave.look(self.chosen if self.look_for_companions() else stirred)
         for name in wave.left:
             self.trace_again(name)
 
-    def look_for_companions(self) -> None:
-        """Compare the looks of all photos, where there are too many registered ones to try each
-        with a photo of which nothing is known.
+    def look_for_companions(self) -> bool:
+        """Compare the looks of all photos, once, where there are too many registered ones to try
+        each with a photo of which nothing is known; returns whether that was done.
         """
-        unknown = [n for n in self.chosen if n in self.waiting and n not in self.near.companions]
-        if unknown and len(self.registered) > MOST_COMPARED:
+        if self.compared_looks or len(self.near.registered) <= MOST_COMPARED:
+            return False
+        self.compared_looks = True
+        unknown = [n for n in self.chosen if n in self.waiting and not self.near.knows(n)]
+        if unknown:
             compare_looks(self.bench, self.progress)
             self.learn_companions()
+        return bool(unknown)
 
     def learn_companions(self) -> None:
         """Read again which photos show the same."""
         self.graph = load_graph(self.project)
-        self.near.companions = companions(self.project)
+        self.near.learn(companions(self.project))
 
     def by_others(self, job: Job) -> Search:
         """By the photo's own means where that was not tried yet, then by what others show."""
@@ -340,7 +338,7 @@ class _Run:
 
     def state(self, name: str) -> Freshness:
         entry, trace = self.entries.get(name), self.traces[name]
-        return state(self.lineage.sources, name, entry, trace, self.cameras, self.around)
+        return state(self.lineage.sources, name, entry, trace, self.cameras, self.near.around)
 
     def keep_if_it_holds(self, name: str, now: Freshness) -> bool:
         if not now.settled or self.waits(name):
@@ -348,7 +346,7 @@ class _Run:
         entry = self.entries[name]
         trace = self.traces[name]
         if now.failed and trace is not None and "features" in trace.tried:
-            around = self.near.around(name, self.behind.of(name))
+            around = self.near.around_before(name)
             self.failed_with[name] = frozenset((n, self.cameras[n]) for n in around)
         reason = entry.quality.get("reason", "") or now.reason
         self.settle(PhotoOutcome(name, entry, True, reason))
@@ -374,10 +372,8 @@ class _Run:
         name, record = outcome.name, outcome.record
         self.outcomes[name], self.entries[name] = outcome, record
         self.waiting.discard(name)
-        self.shaken.discard(name)
         self.cameras[name] = camera_hash(own_registration(record))
-        self.behind.put(record)
-        (self.near.add if record.vouches else self.near.remove)(name)
+        self.near.settle(record)
 
     def keep_trace(self, record: CameraRecord, tried: tuple[str, ...], around: Names) -> None:
         """Write an entry and what it was made from."""
@@ -394,7 +390,7 @@ class _Run:
         record, trace = self.entries[name], self.traces[name]
         assert trace is not None
         read = inputs(
-            self.lineage.sources, record, trace.tried, trace.block, self.cameras, self.around
+            self.lineage.sources, record, trace.tried, trace.block, self.cameras, self.near.around
         )
         if read != trace.inputs:
             self.keeper.add(record, replace(trace, inputs=read))

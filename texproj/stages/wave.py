@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from typing import NamedTuple
@@ -42,9 +42,14 @@ class Wave:
         self._tried[name] = tried
         self._rank[name] = len(self._rank)
 
-    def look(self) -> None:
-        """See which photos have new evidence; a photo that has none is tried once all the same."""
-        for name, before in self._tried.items():
+    def look(self, names: Iterable[str]) -> None:
+        """See which of the photos `names` have new evidence; a photo that has none is tried once
+        all the same.
+        """
+        for name in names:
+            if name not in self._tried:
+                continue
+            before = self._tried[name]
             if before is not None and self.evidence(name) <= before:
                 continue
             attempts = self._attempts.get(name, 0)

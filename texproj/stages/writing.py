@@ -35,7 +35,7 @@ from texproj.mesh import ColoredMesh, Mesh, MeshSource, TexturedMesh, vertex_nor
 from texproj.options import ColorOptions, OutputOptions
 from texproj.photo import srgb_from_linear
 from texproj.provenance import NOTHING, Provenance
-from texproj.standing import Standing, standing
+from texproj.standing import Measured, Standing, standing
 
 STEM = "model"
 PLY, GLB, OBJ = "model.ply", "model.glb", "model.obj"
@@ -64,10 +64,13 @@ class OutputPlan:
 
 
 def output_plan(
-    color: ColorOptions, output: OutputOptions, cameras: Sequence[Camera] = ()
+    color: ColorOptions,
+    output: OutputOptions,
+    cameras: Sequence[Camera] = (),
+    measured: Sequence[Measured] = (),
 ) -> OutputPlan:
-    """What the settings ask for; the cameras tell how the scan stands. Raises UsageError for what
-    cannot be written.
+    """What the settings ask for; the cameras and what these have `measured` (as `upward` takes it)
+    tell how the scan stands. Raises UsageError for what cannot be written.
     """
     textured = color.to != "vertices"
     possible: tuple[Kind, ...] = ("glb", "obj", "usdz") if textured else ("ply", "glb")
@@ -87,9 +90,14 @@ def output_plan(
         "png" if image == "tiff" or image == "exr" else image,  # noqa: PLR1714 - mypy narrows
         color.bits,
         output,
-        standing(output.up, output.unit, cameras),
+        standing(output.up, output.unit, cameras, measured),
     )
     _check_bits(plan, textured)
+    if output.compression != "none" and not (textured and "glb" in asked):
+        raise UsageError(
+            'compression: only a glb with a texture is compressed; set it to "none", or `to` to'
+            " texture and add glb to models"
+        )
     if textured and image == "ktx2":
         if "glb" not in asked:
             raise UsageError("image: ktx2 is for glb alone; add it to models, or choose another")
@@ -189,7 +197,7 @@ def _write_glb(
     if model.normal_map is not None and not plan.options.unlit and plan.glb_image != "ktx2":
         bumped = inside.with_name(f"{inside.name}_normals")
         bumps = write_pages(bumped, model.normal_map.pages, plan.glb_image, plan.options.quality)
-    shown = plan.glb_image, plan.options.unlit, plan.standing
+    shown = plan.options.unlit, plan.options.compression == "draco", plan.standing
     path = stem.with_suffix(".glb")
     write_glb(path, model, [*images, *bumps], *shown, plan.provenance)
     for image in [*bumps, *(() if shared else images)]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from texproj.arrays import Bools, Doubles, Ints
-from texproj.mesh import Mesh, face_areas, face_cross, norms
+from texproj.mesh import Mesh, by_blocks, face_areas, face_cross, norms
 from texproj.options import UnwrapOptions
 from texproj.unwrap.chart_overlap import doubled
 from texproj.unwrap.charts import Charts, border_edges, join, plane_axes, project, select
@@ -148,16 +148,17 @@ def _folded(mesh: Mesh, charts: Charts, rows: Ints) -> Bools:
     angle allowed.
     """
     limit = np.cos(np.radians(STEEPEST_DEG))
-    corners = mesh.vertices[mesh.faces[charts.face_of_mesh[rows]]]
-    area = signed_areas(charts.uv, charts.faces[rows])
-    ratio = stretch(corners, charts.uv[charts.faces[rows]])
-    true_area = (
-        np.linalg.norm(
-            np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-        )
-        / 2
-    )
-    return (area < limit * true_area) | (ratio * limit > 1)
+
+    def of_block(part: slice) -> Bools:
+        some = rows[part]
+        corners = mesh.vertices[mesh.faces[charts.face_of_mesh[some]]]
+        area = signed_areas(charts.uv, charts.faces[some])
+        ratio = stretch(corners, charts.uv[charts.faces[some]])
+        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        true_area = np.linalg.norm(cross, axis=1) / 2
+        return (area < limit * true_area) | (ratio * limit > 1)
+
+    return by_blocks(len(rows), of_block)
 
 
 def _row_height(charts: Charts, area: Doubles, density: Doubles) -> Doubles:
@@ -181,10 +182,17 @@ def _cut_off(mesh: Mesh, faces: Ints, labels: Ints, bad: Bools, graph: DualGraph
 
 def _halved(mesh: Mesh, charts: Charts, layered: Bools) -> Ints:
     """(n,) labels in which each layered chart is cut at half its height above its plane."""
-    corners = mesh.vertices[mesh.faces[charts.face_of_mesh]]
+    if not layered.any():
+        return charts.chart_of_face
     normals = face_cross(mesh.vertices, mesh.faces[charts.face_of_mesh])
     axes = plane_axes(sum_by_label(normals, charts.chart_of_face, charts.count))[:, 2]
-    height = np.einsum("ij,ij->i", corners.mean(axis=1), axes[charts.chart_of_face])
+
+    def heights(rows: slice) -> Doubles:
+        middle = mesh.vertices[mesh.faces[charts.face_of_mesh[rows]]].mean(axis=1)
+        out: Doubles = np.einsum("ij,ij->i", middle, axes[charts.chart_of_face[rows]])
+        return out
+
+    height = by_blocks(len(charts.faces), heights)
     low = np.full(charts.count, np.inf)
     high = np.full(charts.count, -np.inf)
     np.minimum.at(low, charts.chart_of_face, height)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from texproj.mesh import Mesh, face_areas
+from texproj.mesh import Mesh, by_blocks, face_areas
 from texproj.options import UnwrapOptions
 from texproj.unwrap.atlas import Atlas, AtlasStats
 from texproj.unwrap.charts import Charts
@@ -47,7 +47,10 @@ def atlas_of(
     options: UnwrapOptions,
 ) -> Atlas:
     """The atlas of placed charts of a whole mesh. scale, overlaps: see `AtlasStats`."""
-    ratio = stretch(mesh.vertices[mesh.faces], placed.uv[charts.faces])
+    ratio = by_blocks(
+        len(mesh.faces),
+        lambda rows: stretch(mesh.vertices[mesh.faces[rows]], placed.uv[charts.faces[rows]]),
+    )
     median, p95 = weighted_quantiles(ratio, face_areas(mesh), (0.5, 0.95))
     texels = float(flat_areas(placed.uv, charts.faces).sum())
     packed = texels / sum(w * h for w, h in placed.page_sizes)

@@ -8,13 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.arrays import Doubles
+from texproj.mesh import by_blocks
 
 
 def signed_areas(uv: Doubles, faces: NDArray[np.integer[Any]]) -> Doubles:
     """(F,) areas of the faces in the plane, negative where turned over."""
-    a, b, c = uv[faces].transpose(1, 0, 2)
-    p, q = b - a, c - a
-    return 0.5 * (p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])
+
+    def of_block(rows: slice) -> Doubles:
+        a, b, c = (uv[corner] for corner in faces[rows].T)
+        p, q = b - a, c - a
+        out: Doubles = 0.5 * (p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])
+        return out
+
+    return by_blocks(len(faces), of_block)
 
 
 def flat_areas(uv: Doubles, faces: NDArray[np.integer[Any]]) -> Doubles:

@@ -19,7 +19,8 @@ from texproj.arrays import Floats
 from texproj.camera import Camera
 from texproj.color.alignment.flow import sure_flow
 from texproj.color.result import Texture, textured_mesh
-from texproj.color.sampling.photo_set import PhotoSet, Unusable
+from texproj.color.sampling.part import Unusable
+from texproj.color.sampling.photo_set import PhotoSet
 from texproj.color.sampling.view import PhotoView
 from texproj.mesh import Mesh, TexturedMesh
 from texproj.options import ColorOptions

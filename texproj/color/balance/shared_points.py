@@ -66,6 +66,15 @@ class _Seen:
         return _Seen(self.point[kept], self.values[kept])
 
 
+@dataclass(frozen=True, eq=False)
+class _Noted:
+    """What one photo shows. detail: how sharp it is, None if that was not measured."""
+
+    shot: Shot
+    seen: _Seen
+    detail: Detail | None
+
+
 class PointObserver:
     """Looks at the same points in one photo after the other.
 
@@ -86,10 +95,20 @@ class PointObserver:
 
     def add(self, number: int, surface: SurfaceView, view: PhotoView) -> None:
         """Note what a photo shows."""
-        if self._meter:
-            self._meter.add(number, surface, view)
-        self._shots[number] = Shot(view.camera, view.info)
-        self._seen[number] = observed(self._chunk, surface, view).thinned(self._step)
+        self.note(number, self.look(surface, view))
+
+    def look(self, surface: SurfaceView, view: PhotoView) -> _Noted:
+        """What a photo shows."""
+        detail = self._meter.look(surface, view) if self._meter else None
+        shot = Shot(view.camera, view.info)
+        return _Noted(shot, observed(self._chunk, surface, view), detail)
+
+    def note(self, number: int, noted: _Noted) -> None:
+        """Keep what the photo of that number shows."""
+        if self._meter and noted.detail is not None:
+            self._meter.note(number, noted.detail)
+        self._shots[number] = noted.shot
+        self._seen[number] = noted.seen.thinned(self._step)
         while sum(len(seen.point) for seen in self._seen if seen) > MOST_OBSERVATIONS:
             self._step *= 2
             self._seen = [seen and seen.thinned(self._step) for seen in self._seen]

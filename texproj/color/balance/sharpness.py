@@ -6,7 +6,7 @@ the same physical frequencies, foreshortened or not.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -85,11 +85,16 @@ class DetailMeter:
         self._places = Owners(owners.origin, chunk.xyz, normal, spacing)
         self._parts: list[Detail] = []
 
-    def add(self, number: int, surface: SurfaceView, view: PhotoView) -> None:
-        """Measure a photo."""
+    def note(self, number: int, measured: Detail) -> None:
+        """Keep what was measured of the photo of that number."""
+        photo = np.full(len(measured.photo), number, np.int32)
+        self._parts.append(replace(measured, photo=photo))
+
+    def look(self, surface: SurfaceView, view: PhotoView) -> Detail | None:
+        """Measure a photo, called 0; None if it sees no place."""
         xy_px, seen = self._seen(surface, view)
         if len(seen) == 0:
-            return
+            return None
         blocks = np.array_split(seen, -(-len(seen) // BLOCK))
         measured = (self._measured(block, surface, view) for block in blocks)
         mean, energy, quiet = map(np.concatenate, zip(*measured, strict=True))
@@ -97,11 +102,11 @@ class DetailMeter:
         sound = (mean > DARKEST) & (mean < BRIGHTEST)
         place = (xy_px + 0.5) / (view.camera.width, view.camera.height)
         part = Detail(
-            np.full(len(seen), number, np.int32), seen.astype(np.int32), place.astype(np.float32),
+            np.zeros(len(seen), np.int32), seen.astype(np.int32), place.astype(np.float32),
             energy, (level / np.maximum(mean, DARKEST)).astype(np.float32),
             across(self._places, view.camera)[seen],
         )  # fmt: skip
-        self._parts.append(chosen(part, sound))
+        return chosen(part, sound)
 
     def detail(self) -> Detail:
         """All measurements."""

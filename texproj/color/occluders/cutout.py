@@ -51,6 +51,10 @@ GROWTH = 6.0
 """Largest ratio of the cut's area on the mesh to the contradicted area: beyond, it has run out."""
 
 ROUNDS = 3
+AROUND = 1.0
+"""How far around a contradicted part an occluder is sought, in sizes of that part, and at least
+`LEAST_AROUND` of the picture's longer side: time goes with the area."""
+LEAST_AROUND = 0.12
 MARGIN = 0.008
 """By which a cut is widened, part of the longer side: the soft edge of what is cut out."""
 
@@ -101,7 +105,7 @@ def cut_out(picture: Bytes, on_mesh: Bools, told: Told) -> Bools | None:
     for number in range(1, count):
         core = parts == number
         if not hidden[core].all():
-            cut = _grown(picture, told, Seeds(core, seeds.safe))
+            cut = _grown_nearby(picture, told, Seeds(core, seeds.safe))
             hidden |= cut if _proved(cut, on_mesh, told, seeds) else core
     margin_px = round(MARGIN * max(hidden.shape))
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * margin_px + 1,) * 2)
@@ -149,6 +153,31 @@ def _density(shape: tuple[int, ...], told: Told, which: int, sigma_px: float) ->
     chosen = told.against == bool(which)
     np.add.at(image, (row[chosen], column[chosen]), 1)
     return cv2.GaussianBlur(image, (0, 0), sigma_px)
+
+
+def _grown_nearby(picture: Bytes, told: Told, seeds: Seeds) -> Bools:
+    """(h, w) the cut around one contradicted part, sought in its neighborhood."""
+    out = np.zeros(seeds.core.shape, bool)
+    near = _neighborhood(seeds.core)
+    rows, columns = near
+    size = columns.stop - columns.start, rows.stop - rows.start
+    xy = (told.xy_px - (columns.start, rows.start)).astype(np.float32)
+    inside = ((xy >= 0) & (xy < size)).all(axis=1)
+    nearby = Told(xy[inside], told.against[inside], told.ratio[inside])
+    part = np.ascontiguousarray(picture[near])
+    out[near] = _grown(part, nearby, Seeds(seeds.core[near], seeds.safe[near]))
+    return out
+
+
+def _neighborhood(core: Bools) -> tuple[slice, slice]:
+    """Rows and columns around what is True in (h, w)."""
+    found = []
+    for axis in (1, 0):
+        where, size = np.flatnonzero(core.any(axis=axis)), core.shape[1 - axis]
+        first, last = int(where[0]), int(where[-1]) + 1
+        margin = round(max(AROUND * (last - first), LEAST_AROUND * max(core.shape)))
+        found.append(slice(max(first - margin, 0), min(last + margin, size)))
+    return found[0], found[1]
 
 
 def _grown(picture: Bytes, told: Told, seeds: Seeds) -> Bools:

@@ -15,7 +15,8 @@ from texproj.color.balance.shared_points import PointObserver, SharedPoints
 from texproj.color.occluders.cutout import Told, cut_out
 from texproj.color.occluders.evidence import WITNESSES, Evidence, SurfacePoints, evidence
 from texproj.color.sampling.gather import Progress, counting
-from texproj.color.sampling.photo_set import PhotoSet, Unusable
+from texproj.color.sampling.part import Unusable
+from texproj.color.sampling.photo_set import PhotoSet
 from texproj.color.sampling.prepare import view_of
 from texproj.color.weights.surface import surface_view
 from texproj.mesh import Mesh

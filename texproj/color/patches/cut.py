@@ -15,7 +15,8 @@ from texproj.color.balance.photometry import Photometry
 from texproj.color.patches.seams import PatchBlend, PatchBlends
 from texproj.color.points.texels import TexelPoints
 from texproj.color.sampling.gather import Projection
-from texproj.color.sampling.photo_set import PhotoSet, Unusable
+from texproj.color.sampling.part import Unusable
+from texproj.color.sampling.photo_set import PhotoSet
 from texproj.color.sampling.sample import Samples, sample
 from texproj.color.sampling.store import SampleStore
 from texproj.color.sampling.view import WHITE, PhotoView

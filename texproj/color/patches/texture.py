@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.arrays import Floats
+from texproj.color.alignment.projection import Coming
 from texproj.color.balance.corrections import Gains
 from texproj.color.balance.photometry import Photometry, solve_photometry
 from texproj.color.balance.shared_points import PointObserver, SharedPoints
@@ -30,8 +31,9 @@ from texproj.color.patches.seams import PatchBlends
 from texproj.color.patches.views import FacePoints, FaceViews, face_views, sampling_options
 from texproj.color.points.texels import TexelPoints
 from texproj.color.result import Texture
-from texproj.color.sampling.gather import Progress, counting, project_views
-from texproj.color.sampling.photo_set import PhotoSet, Unusable, reasons
+from texproj.color.sampling.gather import Progress, counting
+from texproj.color.sampling.part import Unusable
+from texproj.color.sampling.photo_set import PhotoSet, reasons
 from texproj.color.sampling.store import SampleStore
 from texproj.color.texture import encoded
 from texproj.mesh import Mesh, face_areas
@@ -121,8 +123,7 @@ def _evidence(
 ) -> _Evidence:
     options, points = sampling_options(settings.color), FacePoints.of(mesh, len(photos))
     observer = PointObserver(points, len(photos), options.focus_power > 0)
-    shown = photos.views(options)
-    projected = project_views(points, shown, observer, options, scratch, progress)
+    projected = Coming(photos, options).project(points, observer, scratch, progress)
     shared = observer.shared()
     light = solve_photometry(shared, settings.color)
     cameras, samples = photos.cameras, projected.samples

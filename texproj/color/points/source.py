@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.arrays import Floats
-from texproj.mesh import Mesh, face_areas, face_normals, vertex_normals
+from texproj.mesh import Mesh, blocks, face_areas, face_middles, face_normals, vertex_normals
 
 CHUNK = 1 << 16
 """Points that are worked on at once: a few arrays of this length stay in the processor's cache,
@@ -35,9 +35,10 @@ class Owners:
         cls, mesh: Mesh, spacing: NDArray[Any], normal: NDArray[Any] | None = None
     ) -> Owners:
         """The faces of a mesh, in its order. normal: (F, 3) unit, by default the faces' own."""
-        middle = (mesh.vertices - mesh.center)[mesh.faces].mean(axis=1)
         normal = face_normals(mesh) if normal is None else normal
-        return cls(mesh.center, *(x.astype(np.float32) for x in (middle, normal, spacing)))
+        return cls(
+            mesh.center, face_middles(mesh), normal.astype(np.float32), spacing.astype(np.float32)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +87,11 @@ class VertexPoints:
     @classmethod
     def of(cls, mesh: Mesh) -> VertexPoints:
         """All vertices of the mesh."""
-        third = np.repeat(face_areas(mesh) / 3, 3)
-        area = np.bincount(mesh.faces.ravel(), third, len(mesh.vertices))
+        area = np.zeros(len(mesh.vertices))
+        for rows in blocks(len(mesh.faces)):
+            faces = mesh.faces[rows]
+            third = face_areas(Mesh(mesh.vertices, faces)) / 3
+            np.add.at(area, faces.ravel(), np.repeat(third, 3))
         return cls(
             Owners(
                 mesh.center,

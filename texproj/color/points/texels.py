@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from texproj.arrays import Floats
 from texproj.color.points.source import Chunk, Owners
-from texproj.mesh import Mesh, face_areas, vertex_normals
+from texproj.mesh import Mesh, blocks, by_blocks, face_areas, vertex_normals
 from texproj.resources.scratch import Scratch
 from texproj.resources.threads import in_parallel
 from texproj.unwrap.atlas import Atlas
@@ -58,12 +58,8 @@ class TexelPoints:
 
         growing: (F,) faces whose planes go on for `GUTTER` texels outside of their charts, if any.
         """
-        corners = (mesh.vertices - mesh.center)[mesh.faces]
-        normal = vertex_normals(mesh)[mesh.faces].sum(axis=1)
-        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
-        uv = atlas.uv_px[atlas.faces]
-        owners = Owners.of_faces(mesh, _texel_edge(mesh, uv), normal)
-        frames = surface_frames(corners, uv)
+        owners = Owners.of_faces(mesh, _texel_edge(mesh, atlas), _smooth_normals(mesh))
+        frames = _all_frames(mesh, atlas)
         tiles = []
         for page in range(len(atlas.page_sizes)):
             tiles += _write_page(page, face_image(atlas, page), frames, scratch, growing)
@@ -172,6 +168,27 @@ def on_surface(frames: Floats, owner: NDArray[np.int32], x: Floats, y: Floats) -
     return cv2.merge(columns).reshape(-1, 3)
 
 
+def _smooth_normals(mesh: Mesh) -> Floats:
+    """(F, 3) unit normals of the faces, those of their vertices averaged."""
+    at_vertices = vertex_normals(mesh)
+
+    def of_block(rows: slice) -> Floats:
+        normal = at_vertices[mesh.faces[rows]].sum(axis=1)
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+        return normal.astype(np.float32)
+
+    return by_blocks(len(mesh.faces), of_block)
+
+
+def _all_frames(mesh: Mesh, atlas: Atlas) -> Floats:
+    """(11, F) `surface_frames` of all faces."""
+    center, frames = mesh.center, np.empty((11, len(mesh.faces)), np.float32)
+    for rows in blocks(len(mesh.faces)):
+        corners = mesh.vertices[mesh.faces[rows]] - center
+        frames[:, rows] = surface_frames(corners, atlas.uv_px[atlas.faces[rows]])
+    return frames
+
+
 def surface_frames(corners: NDArray[np.float64], uv: NDArray[np.float64]) -> Floats:
     """(11, F) float32 map from page to surface per face: a point on the surface (3), its steps per
     texel to the right (3) and down (3), and the page position of the point (2).
@@ -186,8 +203,14 @@ def surface_frames(corners: NDArray[np.float64], uv: NDArray[np.float64]) -> Flo
     return np.ascontiguousarray(rows.T, np.float32)
 
 
-def _texel_edge(mesh: Mesh, uv: NDArray[np.float64]) -> Floats:
+def _texel_edge(mesh: Mesh, atlas: Atlas) -> Floats:
     """(F,) edge on the surface of the square that a texel stands for."""
-    (a, b), (c, d) = (uv[:, 1] - uv[:, 0]).T, (uv[:, 2] - uv[:, 0]).T
-    area_px = 0.5 * np.abs(a * d - b * c)
-    return np.sqrt(face_areas(mesh) / np.maximum(area_px, 1e-12)).astype(np.float32)
+
+    def of_block(rows: slice) -> Floats:
+        uv = atlas.uv_px[atlas.faces[rows]]
+        (a, b), (c, d) = (uv[:, 1] - uv[:, 0]).T, (uv[:, 2] - uv[:, 0]).T
+        area_px = 0.5 * np.abs(a * d - b * c)
+        area = face_areas(Mesh(mesh.vertices, mesh.faces[rows]))
+        return np.sqrt(area / np.maximum(area_px, 1e-12)).astype(np.float32)
+
+    return by_blocks(len(mesh.faces), of_block)

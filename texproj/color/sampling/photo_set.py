@@ -9,6 +9,7 @@ from functools import partial
 from texproj.arrays import Floats
 from texproj.camera import Camera
 from texproj.color.sampling.depth_images import DepthImages
+from texproj.color.sampling.part import Elsewhere, Unusable
 from texproj.color.sampling.prepare import view_of
 from texproj.color.sampling.view import PhotoView
 from texproj.errors import InputError
@@ -19,27 +20,20 @@ from texproj.resources.scratch import Scratch
 from texproj.resources.threads import ahead
 
 
-@dataclass(frozen=True)
-class Unusable:
-    """A photo that cannot be used, and why, in one sentence."""
-
-    name: str
-    reason: str
-
-
 @dataclass(frozen=True, eq=False)
 class PhotoSet:
     """Registered photos, each known by its name; nothing of a photo is kept in memory.
 
     names: one each; cameras: of the full-size photos, in the same order; read: decodes the photo
     of a name, raises InputError for one that cannot be used; depths: what the cameras see of the
-    mesh, once it was rendered.
+    mesh, once it was rendered; elsewhere: who projects them, if not this process.
     """
 
     names: tuple[str, ...]
     cameras: tuple[Camera, ...]
     read: Callable[[str], Photo]
     depths: DepthImages | None = None
+    elsewhere: Elsewhere | None = None
 
     def __len__(self) -> int:
         return len(self.names)

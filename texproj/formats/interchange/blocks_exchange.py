@@ -5,7 +5,7 @@ omega, phi, kappa of its transpose (not of turned axes as in `angles`); ``Center
 center. The principal point counts from the center of the top-left pixel, half a pixel from our
 corner. Focal length in pixels, or in mm of a sensor's longer side or pixel size (ContextCapture
 User Guide, "BlocksExchange XML/XMLZ format"). P1 and P2 are taken as OpenCV's p1 and p2, with which
-DJI Terra's files agree.
+DJI Terra's files agree. Fisheyes have a focal matrix and a polynomial (`round_lens`).
 """
 
 from __future__ import annotations
@@ -40,11 +40,14 @@ from texproj.formats.interchange.model import (
     rotation,
     sentences,
 )
+from texproj.formats.interchange.round_lens import beyond_radial, of_polynomial, polynomial_of
 
 HALF_PIXEL = 0.5
 MATRIX = tuple(f"M_{row}{column}" for row in range(3) for column in range(3))
 ANGLES = ("Omega", "Phi", "Kappa")
 DISTORTION = ("K1", "K2", "P1", "P2", "K3")
+PERSPECTIVE, FISHEYE = "Perspective", "Fisheye"
+FOCAL_MATRIX, POLYNOMIAL = ("M_00", "M_01", "M_10", "M_11"), ("P0", "P1", "P2", "P3", "P4")
 IN_PICTURE = {"Right": (1, 0), "Left": (-1, 0), "Down": (0, 1), "Up": (0, -1)}
 ORIENTATIONS = (
     "XRightYDown", "XRightYUp", "XLeftYDown", "XLeftYUp",
@@ -114,16 +117,18 @@ def _text(holder: ET.Element, key: str, where: str) -> float | None:
 
 
 def _lens(group: ET.Element, where: str) -> tuple[Intrinsics, str]:
-    if group.findtext("CameraModelType", "Perspective").strip() != "Perspective":
-        raise Unusable("its lens is no perspective one; export undistorted photos there")
+    kind = group.findtext("CameraModelType", PERSPECTIVE).strip()
+    if kind not in (PERSPECTIVE, FISHEYE):
+        raise Unusable(
+            f"its lens is of type {excerpt(kind)}, neither perspective nor fisheye; export"
+            " undistorted photos there"
+        )
     width, height = (_text(group, f"ImageDimensions/{key}", where) for key in ("Width", "Height"))
     if width is None or height is None:
         raise InputError(f"{where}: no ImageDimensions")
     skew = _text(group, "Skew", where) or 0.0
     if skew:
         raise Unusable(f"its lens is skewed by {skew:.3g}, which OpenCV's model has no place for")
-    f = _focal_px(group, max(width, height), where)
-    aspect = _text(group, "AspectRatio", where)
     told = [_text(group, f"PrincipalPoint/{key}", where) for key in ("x", "y")]
     if told[0] is None and group.find("PrincipalPoint/xmm") is not None:
         raise Unusable("its principal point is in mm; export it in pixels")
@@ -131,9 +136,26 @@ def _lens(group: ET.Element, where: str) -> tuple[Intrinsics, str]:
         side / 2 if at is None else at + HALF_PIXEL
         for side, at in zip((width, height), told, strict=True)
     ]
+    if kind == FISHEYE:
+        return _round_lens(group, (width, height), center, where)
+    f = _focal_px(group, max(width, height), where)
+    aspect = _text(group, "AspectRatio", where)
     dist = [_text(group, f"Distortion/{key}", where) or 0.0 for key in DISTORTION]
     fy = f if aspect is None else f * aspect
     return lens(width, height, (f, fy), center, dist), TANGENTIAL if any(dist[2:4]) else ""
+
+
+def _round_lens(
+    group: ET.Element, size: tuple[float, float], center: list[float], where: str
+) -> tuple[Intrinsics, str]:
+    matrix = group.find("FisheyeFocalMatrix")
+    if matrix is None:
+        raise Unusable("its fisheye lens has no FisheyeFocalMatrix; export it calibrated")
+    rows = _values(matrix, FOCAL_MATRIX, where).tolist()
+    told = [_text(group, f"FisheyeDistortion/{key}", where) for key in POLYNOMIAL]
+    usual = (0.0, 1.0, 0.0, 0.0, 0.0)
+    polynomial = [u if at is None else at for u, at in zip(usual, told, strict=True)]
+    return of_polynomial(size, rows, center, polynomial)
 
 
 def _focal_px(group: ET.Element, longer: float, where: str) -> float:
@@ -188,11 +210,19 @@ def _write_lens(groups: ET.Element, k: Intrinsics) -> ET.Element:
     group = ET.SubElement(groups, "Photogroup")
     size = ET.SubElement(group, "ImageDimensions")
     _write(size, {"Width": k.width, "Height": k.height})
-    ET.SubElement(group, "CameraModelType").text = "Perspective"
-    _write(group, {"FocalLengthPixels": k.fx})
+    ET.SubElement(group, "CameraModelType").text = FISHEYE if k.is_fisheye else PERSPECTIVE
+    if not k.is_fisheye:
+        _write(group, {"FocalLengthPixels": k.fx})
     ET.SubElement(group, "CameraOrientation").text = ORIENTATIONS[0]
     point = ET.SubElement(group, "PrincipalPoint")
     _write(point, {"x": k.cx - HALF_PIXEL, "y": k.cy - HALF_PIXEL})
+    if k.is_fisheye:
+        (c, f), polynomial, _ = polynomial_of(k)
+        rows = dict(zip(FOCAL_MATRIX, (c, 0.0, 0.0, f), strict=True))
+        _write(ET.SubElement(group, "FisheyeFocalMatrix"), rows)
+        terms = dict(zip(POLYNOMIAL, polynomial, strict=True))
+        _write(ET.SubElement(group, "FisheyeDistortion"), terms)
+        return group
     bent = ET.SubElement(group, "Distortion")
     _write(bent, dict(zip(DISTORTION, five(k.dist), strict=True)))
     _write(group, {"AspectRatio": k.fy / k.fx, "Skew": 0.0})
@@ -216,6 +246,8 @@ def _write(holder: ET.Element, values: dict[str, float]) -> None:
 
 
 def _lost(k: Intrinsics) -> str:
+    if k.is_fisheye:
+        return sentences([left_out(beyond_radial(k)), polynomial_of(k)[2]])
     _, _, p1, p2, _ = five(k.dist)
     higher = beyond_k3(k)
     return sentences([left_out(higher), TANGENTIAL if p1 or p2 else ""])

@@ -9,6 +9,10 @@ PhotoScan before 1.3 wrote <fx>, <fy>, <skew>, <cx> and <cy> from the picture's 
 p2 as OpenCV has them (Agisoft Lens manual 0.4; "Camera projection model", agisoft.com/forum 6437).
 A camera's transform is chunk_from_cam with OpenCV's axes; the chunk's or the component's own
 transform (scale, rotation, translation) leads on to the world.
+In a rig the master's camera has a transform, the others name it; a sensor's <rotation> (of its axes
+to the master's) and <location> (its center in the master's frame) are its place on the rig
+("The slave-sensor transform", metashape-expert-manual). Whether that is in metres or in the chunk's
+unit is not said there: where these differ the camera is a start.
 """
 
 from __future__ import annotations
@@ -64,6 +68,16 @@ class _Similarity:
 
 
 IDENTITY = _Similarity(1.0, np.eye(3), np.zeros(3))
+NO_PLACE = (
+    "it is part of a rig, and the file does not say where on it; export the cameras from Metashape"
+    " for COLMAP or Bundler"
+)
+CENTERS = ("location", "translation")
+"""Where a sensor's place on a rig stands."""
+RIG_START = (
+    "it is part of a rig in a chunk with a scale, and the file does not say in which unit its place"
+    " on the rig is: its camera is taken as a start"
+)
 Sensor = tuple[Intrinsics, str] | Unusable
 """Lens and a note, or why there is none."""
 
@@ -86,11 +100,16 @@ def read_metashape(path: Path, size_of: SizeOf) -> ForeignModel:
             c.get("id"): _similarity(c, where) for c in chunk.iterfind("components/component")
         }
         own = _similarity(chunk, where)
+        rig = _Rig(chunk, where)
         for camera in chunk.iterfind("cameras//camera"):
             name = camera.get("label") or f"camera {camera.get('id')}"
-            world = worlds.get(camera.get("component_id")) or own or IDENTITY
+            told = f"{path}, {excerpt(name)}"
             try:
-                found.append(_camera(camera, sensors, world, f"{path}, {excerpt(name)}"))
+                matrix, apart = rig.chunk_from_cam(camera, told)
+                component = camera.get("component_id") or rig.master_of(camera).get("component_id")
+                world = worlds.get(component) or own or IDENTITY
+                unsure = RIG_START if apart and world.scale != 1 else ""
+                found.append(_camera(camera, sensors, (matrix, world), unsure))
             except Unusable as reason:
                 refused[name] = str(reason)
     return ForeignModel(tuple(found), refused, notes=_notes(chunks))
@@ -188,31 +207,76 @@ def _lens(
     return intrinsics, sentences([note, f"{name} = {skew:.6g} is ignored: up to {most:.2g} px"])
 
 
-def _camera(
-    camera: ET.Element, sensors: dict[str | None, Sensor], world: _Similarity, where: str
-) -> ForeignCamera:
-    if camera.get("enabled", "true").lower() in ("false", "0"):
-        raise Unusable("it is disabled there; enable it in Metashape and export again")
-    text = camera.findtext("transform")
-    if text is None and camera.get("master_id") is not None:
-        raise Unusable(
-            "it is part of a rig, whose photos but the first have no pose of their own in this"
-            " file; export the cameras from Metashape for COLMAP or Bundler"
-        )
+class _Rig:
+    """The cameras of a chunk by their numbers, and the places of its sensors on a rig."""
+
+    def __init__(self, chunk: ET.Element, where: str) -> None:
+        self._cameras = {c.get("id"): c for c in chunk.iterfind("cameras//camera")}
+        self._places = {s.get("id"): _place(s, where) for s in chunk.iterfind("sensors/sensor")}
+
+    def master_of(self, camera: ET.Element) -> ET.Element:
+        """The camera whose pose its own follows; itself where it is no part of a rig."""
+        return self._cameras.get(camera.get("master_id"), camera)
+
+    def chunk_from_cam(self, camera: ET.Element, where: str) -> tuple[Array, bool]:
+        """(4, 4), and whether it follows from a place on the rig apart from the master's. Raises
+        Unusable for a camera without a pose.
+        """
+        if camera.get("enabled", "true").lower() in ("false", "0"):
+            raise Unusable("it is disabled there; enable it in Metashape and export again")
+        text, master = camera.findtext("transform"), self.master_of(camera)
+        if text is not None or master is camera:
+            return _transform(text, where), False
+        own, other = (self._places.get(c.get("sensor_id")) for c in (camera, master))
+        if own is None:
+            raise Unusable(NO_PLACE)
+        offset = own if other is None else np.linalg.inv(other) @ own
+        matrix = _transform(master.findtext("transform"), where) @ offset
+        return matrix, bool(np.abs(offset[:3, 3]).max() > 0)
+
+
+def _place(sensor: ET.Element, where: str) -> Array | None:
+    """(4, 4) from a sensor's frame to the master's; None where the file does not say."""
+    if all(sensor.find(key) is None for key in ("rotation", *CENTERS)):
+        return None
+    where, place = f"{where}, sensor {excerpt(sensor.get('id'))}", np.eye(4)
+    if sensor.find("rotation") is not None:
+        told = numbers(sensor.findtext("rotation"), 9, f"{where}, rotation")
+        place[:3, :3] = rotation(told, where)
+    for key in CENTERS:
+        if sensor.find(key) is not None:
+            place[:3, 3] = numbers(sensor.findtext(key), 3, f"{where}, {key}")
+            checked_translation(place[:3, 3], where, key)
+    return place
+
+
+def _transform(text: str | None, where: str) -> Array:
     if text is None:
         raise Unusable("it is not aligned there")
+    matrix = numbers(text, 16, f"{where}, transform").reshape(4, 4)
+    possible(checked_translation, matrix[:3, 3], "its pose")
+    matrix[:3, :3] = rotation(matrix[:3, :3], where)
+    return matrix
+
+
+def _camera(
+    camera: ET.Element,
+    sensors: dict[str | None, Sensor],
+    placed: tuple[Array, _Similarity],
+    unsure: str,
+) -> ForeignCamera:
+    """placed: chunk_from_cam, and world from chunk; unsure: why it is no more than a start."""
     sensor = sensors.get(camera.get("sensor_id"), Unusable("its sensor is missing in the file"))
     if isinstance(sensor, Unusable):
         raise sensor
-    chunk_from_cam = numbers(text, 16, f"{where}, transform").reshape(4, 4)
-    possible(checked_translation, chunk_from_cam[:3, 3], "its pose")
-    R = (world.R @ rotation(chunk_from_cam[:3, :3], where)).T
+    chunk_from_cam, world = placed
+    R = (world.R @ chunk_from_cam[:3, :3]).T
     center = world.scale * world.R @ chunk_from_cam[:3, 3] + world.t
     intrinsics, note = sensor
     name = camera.get("label") or f"camera {camera.get('id')}"
     found = Camera(intrinsics, pose_at(R, center))
     turned = whole((camera.findtext("orientation") or "").strip())
-    return ForeignCamera(name, found, (note,) if note else (), turned)
+    return ForeignCamera(name, found, (note,) if note else (), turned, unsure)
 
 
 def _notes(chunks: Sequence[ET.Element]) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ Convention eConvApero_DistM2C: ``Centre``, and lines of world_from_cam with Open
 pixel ``PP + F (x/z, y/z)``, from the picture's corner, goes through the distortion to the photo's.
 Radii are in pixels from ``CDist`` (ModRad; ModPhgrStd adds ``P1 (r^2 + 2 x^2) + 2 P2 x y`` and
 ``b1 x + b2 y``): MicMac's documentation; itowns/three-photogrammetric-camera; MicMac's own import
-from Bundler (cAppliBundler).
+from Bundler (cAppliBundler). Fisheyes: the same, and its phgr_ebner_brown_dist.cpp.
 """
 
 from __future__ import annotations
@@ -39,10 +39,16 @@ from texproj.formats.interchange.model import (
     rotation,
     words,
 )
+from texproj.formats.interchange.round_lens import beyond_radial, of_bend
 
 PREFIX, SUFFIX = "Orientation-", ".xml"
 CONVENTION = "eConvApero_DistM2C"
 CALIBRATION = "AutoCal_{}.xml"
+FISHEYES = ("eModele_FishEye_10_5_5", "eModele_EquiSolid_FishEye_10_5_5")
+"""Whose rays are bent by their angle, or by twice the sine of half of it."""
+FISHEYE_TERMS = 24
+"""Center, 10 radial terms, 5 pairs of decentering, 2 of first degree; what follows is a polynomial.
+"""
 SAMPLES = 40
 """Along each side of the picture, at which OpenCV's lens is fitted."""
 MOST_ERROR_PX, TOLD_ERROR_PX = 1.0, 0.005
@@ -156,19 +162,38 @@ def _read_lens(file: Path) -> tuple[Intrinsics, str]:
     center = numbers(conic.findtext("PP"), 2, f"{file}, PP")
     focal = float(numbers(conic.findtext("F"), 1, f"{file}, F")[0])
     plain = lens(width, height, focal, center)
-    bends = [_bend(part, f"{file}") for part in reversed(conic.findall("CalibDistortion"))]
-    return _fitted(plain, [bend for bend in bends if bend is not None])
+    parts = list(reversed(conic.findall("CalibDistortion")))
+    bends = [bend for part in parts if (bend := _bend(part, f"{file}")) is not None]
+    if any((part.findtext(".//TypeModele") or "").strip() in FISHEYES for part in parts):
+        return _round_lens(plain, bends)
+    return _fitted(plain, bends)
+
+
+def _round_lens(plain: Intrinsics, bends: list[Bend]) -> tuple[Intrinsics, str]:
+    """OpenCV's fisheye nearest to distortions one after the other. Raises Unusable."""
+    center = np.array([plain.cx, plain.cy])
+
+    def bend(flat: Doubles) -> Doubles:
+        angle = np.sqrt(np.einsum("ij,ij->i", flat, flat))
+        pixels = flat * (np.tan(angle) / angle)[:, None] * plain.fx + center
+        for part in bends:
+            pixels = part(pixels)
+        return pixels
+
+    return of_bend((plain.width, plain.height), (plain.fx, plain.fx), center.tolist(), bend)
 
 
 def _bend(holder: ET.Element, where: str) -> Bend | None:
     model = next(iter(holder), None)
     if model is None or model.tag == "ModNoDist":
         return None
+    kind = (model.findtext("TypeModele") or model.tag).strip()
+    if kind in FISHEYES:
+        return _round_bend(model, kind, where)
     if model.tag not in ("ModRad", "ModPhgrStd"):
-        kind = (model.findtext("TypeModele") or model.tag).strip()
         raise Unusable(
-            f"its lens is of MicMac's model {excerpt(kind)}; calibrate by Tapas with RadialStd or"
-            " Fraser"
+            f"its lens is of MicMac's model {excerpt(kind)}; calibrate by Tapas with RadialStd,"
+            " Fraser or FishEyeEqui"
         )
     middle = numbers(model.findtext(".//CDist"), 2, f"{where}, CDist")
     told = [part.text for part in model.iter("CoeffDist")]
@@ -186,6 +211,38 @@ def _bend(holder: ET.Element, where: str) -> Bend | None:
         u = x * scale + p1 * (r2 + 2 * x * x) + 2 * p2 * x * y + b1 * x + b2 * y
         v = y * scale + p2 * (r2 + 2 * y * y) + 2 * p1 * x * y
         return np.stack([u, v], axis=1) + middle
+
+    return bend
+
+
+def _round_bend(model: ET.Element, kind: str, where: str) -> Bend:
+    """A fisheye's: ten radial terms, five pairs of decentering, and terms of a polynomial, of which
+    the first two are taken.
+    """
+    told = [float(numbers(p.text, 1, f"{where}, Params")[0]) for p in model.iter("Params")]
+    told += [0.0] * (FISHEYE_TERMS - len(told))
+    scale = float(numbers(model.findtext("Etats"), 1, f"{where}, Etats")[0])
+    if any(told[FISHEYE_TERMS:]):
+        raise Unusable("its fisheye lens has a free polynomial; calibrate by Tapas FishEyeEqui")
+    if not scale > 0:
+        raise Unusable("its fisheye lens has a scale that is not positive")
+    middle, radial, pairs, (l0, l1) = np.array(told[:2]), told[2:12], told[12:22], told[22:24]
+    equisolid = kind == FISHEYES[1]
+
+    def bend(pixels: Doubles) -> Doubles:
+        ideal = (pixels - middle) / scale
+        r = np.sqrt(np.einsum("ij,ij->i", ideal, ideal))
+        angle = np.arctan(r)
+        seen = 2 * np.sin(angle / 2) if equisolid else angle
+        x, y = (ideal * np.divide(seen, r, out=np.ones_like(r), where=r > 0)[:, None]).T
+        r2 = x * x + y * y
+        factor = np.polyval([*reversed(radial), 1.0], r2)
+        u, v = x * (factor + l0) + y * l1, y * factor + x * l1
+        for n, (a, b) in enumerate(zip(pairs[::2], pairs[1::2], strict=True)):
+            grade = 2 * n + 2
+            u = u + r2**n * (a * (r2 + grade * x * x) + b * grade * x * y)
+            v = v + r2**n * (b * (r2 + grade * y * y) + a * grade * x * y)
+        return np.stack([u, v], axis=1) * scale + middle
 
     return bend
 
@@ -226,7 +283,6 @@ def _fitted(plain: Intrinsics, bends: list[Bend]) -> tuple[Intrinsics, str]:
 
 
 def _calibration(k: Intrinsics) -> bytes:
-    k1, k2, p1, p2, k3 = five(k.dist)
     f = (k.fx + k.fy) / 2
     root = ET.Element("ExportAPERO")
     conic = ET.SubElement(root, "CalibrationInternConique")
@@ -234,7 +290,12 @@ def _calibration(k: Intrinsics) -> bytes:
     ET.SubElement(conic, "PP").text = words([k.cx, k.cy])
     ET.SubElement(conic, "F").text = repr(f)
     ET.SubElement(conic, "SzIm").text = f"{k.width} {k.height}"
-    model = ET.SubElement(ET.SubElement(conic, "CalibDistortion"), "ModPhgrStd")
+    holder = ET.SubElement(conic, "CalibDistortion")
+    if k.is_fisheye:
+        _write_round(ET.SubElement(holder, "ModUnif"), k, f)
+        return _bytes(root)
+    k1, k2, p1, p2, k3 = five(k.dist)
+    model = ET.SubElement(holder, "ModPhgrStd")
     radial = ET.SubElement(model, "RadialePart")
     ET.SubElement(radial, "CDist").text = words([k.cx, k.cy])
     for power, value in enumerate((k1, k2, k3), 1):
@@ -244,7 +305,20 @@ def _calibration(k: Intrinsics) -> bytes:
     return _bytes(root)
 
 
+def _write_round(model: ET.Element, k: Intrinsics, f: float) -> None:
+    """The terms of a fisheye; MicMac's first decentering is our p2, p1."""
+    k1, k2, k3, k4, p1, p2 = (*k.dist, 0.0, 0.0)[:6]
+    ET.SubElement(model, "TypeModele").text = FISHEYES[0]
+    told = [k.cx, k.cy, k1, k2, k3, k4, *(0.0,) * 6, p2, p1]
+    for value in told + [0.0] * (FISHEYE_TERMS - len(told)):
+        ET.SubElement(model, "Params").text = repr(float(value))
+    ET.SubElement(model, "Etats").text = repr(f)
+
+
 def _lost(k: Intrinsics) -> str:
+    if k.is_fisheye:
+        prism = {name: v for name, v in beyond_radial(k).items() if name in ("s1", "s2")}
+        return left_out({**prism, "fx - fy": k.fx - k.fy})
     return left_out({**beyond_k3(k), "fx - fy": k.fx - k.fy})
 
 

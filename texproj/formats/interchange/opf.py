@@ -3,8 +3,8 @@
 A project (.opf) names its files by what they hold. The camera list gives photos their numbers,
 input cameras the size of a sensor's pictures, calibrated cameras positions, ``orientation_deg``
 (omega, phi, kappa as in `angles`) and lenses: perspective (R1 R2 R3 T1 T2 as OpenCV's k1 k2 k3 p1
-p2). Pixels count from the top-left corner. Positions are in the processing frame: the project's
-own, scaled and shifted as the scene reference frame tells.
+p2) or fisheye (`round_lens`). Pixels count from the top-left corner. Positions are in the
+processing frame: the project's own, scaled and shifted as the scene reference frame tells.
 """
 
 from __future__ import annotations
@@ -36,10 +36,13 @@ from texproj.formats.interchange.model import (
     pose_at,
     sentences,
 )
+from texproj.formats.interchange.round_lens import beyond_radial, of_polynomial, polynomial_of
 from texproj.formats.interchange.text import identity, member, members, read_object, word
 from texproj.version import __version__
 
-Sensors = Mapping[str, Intrinsics | Unusable]
+Lens = tuple[Intrinsics, str]
+"""And a note, empty where there is none."""
+Sensors = Mapping[str, Lens | Unusable]
 CAMERA_LIST, INPUT, CALIBRATED, FRAME, PROJECT = (
     f"application/opf-{name}+json"
     for name in (
@@ -60,6 +63,8 @@ LOCAL_FRAME = (
     'AXIS["y",north,ORDER[2]],AXIS["z",up,ORDER[3]],LENGTHUNIT["metre",1]]'
 )
 BANDS = (("Red", 0.2126), ("Green", 0.7152), ("Blue", 0.0722))
+MOST_TERMS = 20
+"""Of a fisheye's polynomial; Pix4D writes five."""
 MOST_FILES_BESIDE = 200
 """JSON files in the folder that are looked at where the project's own file is not given."""
 
@@ -86,7 +91,8 @@ def read_opf(path: Path, size_of: SizeOf) -> ForeignModel:
         name = names.get(key, f"camera {key}")
         where = f"{calibrated}, {excerpt(name)}"
         try:
-            found.append(ForeignCamera(name, _camera(raw, sensors, where)))
+            camera, note = _camera(raw, sensors, where)
+            found.append(ForeignCamera(name, camera, (note,) if note else ()))
         except Unusable as reason:
             refused[name] = str(reason)
     return ForeignModel(tuple(found), refused, notes=_notes(parts))
@@ -177,7 +183,7 @@ def _sizes(path: Path) -> dict[str, tuple[float, float]]:
 def _sensors(
     content: dict[str, Any], path: Path, sizes: Mapping[str, tuple[float, float]]
 ) -> Sensors:
-    sensors: dict[str, Intrinsics | Unusable] = {}
+    sensors: dict[str, Lens | Unusable] = {}
     for sensor in members(content, "sensors", f"{path}"):
         key = identity(sensor, "id", f"{path}, sensor")
         where = f"{path}, sensor {excerpt(key)}"
@@ -190,25 +196,35 @@ def _sensors(
     return sensors
 
 
-def _lens(internals: Any, size: tuple[float, float], where: str) -> Intrinsics:
+def _lens(internals: Any, size: tuple[float, float], where: str) -> Lens:
     kind = word(internals, "type", where)
-    if kind != "perspective":
-        raise Unusable(f"its lens is {excerpt(kind)}, not perspective; export undistorted photos")
-    f = number(member(internals, "focal_length_px", where), f"{where}, focal_length_px")
+    if kind not in ("perspective", "fisheye"):
+        raise Unusable(
+            f"its lens is {excerpt(kind)}, neither perspective nor fisheye; export undistorted"
+            " photos"
+        )
     center = numbers(member(internals, "principal_point_px", where), 2, f"{where}, principal_point")
+    if kind == "fisheye":
+        matrix = numbers(member(internals, "affine", where), 4, f"{where}, affine")
+        given = member(internals, "polynomial", where)
+        count = len(given) if isinstance(given, list) else 0
+        told = numbers(given, min(max(count, 2), MOST_TERMS), f"{where}, polynomial")
+        return of_polynomial(size, matrix.tolist(), center.tolist(), told.tolist())
+    f = number(member(internals, "focal_length_px", where), f"{where}, focal_length_px")
     k1, k2, k3 = numbers(member(internals, "radial_distortion", where), 3, f"{where}, radial")
     p1, p2 = numbers(member(internals, "tangential_distortion", where), 2, f"{where}, tangential")
-    return lens(*size, f, center, (k1, k2, p1, p2, k3))
+    return lens(*size, f, center, (k1, k2, p1, p2, k3)), ""
 
 
-def _camera(raw: Any, sensors: Sensors, where: str) -> Camera:
+def _camera(raw: Any, sensors: Sensors, where: str) -> tuple[Camera, str]:
     key = identity(raw, "sensor_id", where)
-    intrinsics = sensors.get(key, Unusable("its sensor is not among the calibrated ones"))
-    if isinstance(intrinsics, Unusable):
-        raise intrinsics
+    known = sensors.get(key, Unusable("its sensor is not among the calibrated ones"))
+    if isinstance(known, Unusable):
+        raise known
+    intrinsics, note = known
     angles = numbers(member(raw, "orientation_deg", where), 3, f"{where}, orientation_deg")
     position = numbers(member(raw, "position", where), 3, f"{where}, position")
-    return Camera(intrinsics, pose_at(rotation_of_omega_phi_kappa(angles), position))
+    return Camera(intrinsics, pose_at(rotation_of_omega_phi_kappa(angles), position)), note
 
 
 def _notes(parts: Mapping[str, Path]) -> tuple[str, ...]:
@@ -268,6 +284,13 @@ def _capture(number_: int, sensor: int) -> dict[str, Any]:
 
 
 def _internals(k: Intrinsics) -> dict[str, Any]:
+    if k.is_fisheye:
+        (c, f), polynomial, _ = polynomial_of(k)
+        return {
+            "type": "fisheye", "principal_point_px": [k.cx, k.cy], "affine": [c, 0.0, 0.0, f],
+            "is_symmetric_affine": k.fx == k.fy, "is_p0_zero": True,
+            "polynomial": list(polynomial),
+        }  # fmt: skip
     k1, k2, p1, p2, k3 = five(k.dist)
     return {
         "type": "perspective", "principal_point_px": [k.cx, k.cy],
@@ -277,5 +300,7 @@ def _internals(k: Intrinsics) -> dict[str, Any]:
 
 
 def _lost(k: Intrinsics) -> str:
+    if k.is_fisheye:
+        return sentences([left_out(beyond_radial(k)), polynomial_of(k)[2]])
     higher = beyond_k3(k)
     return sentences([left_out({"fx - fy": k.fx - k.fy, **higher})])

@@ -110,7 +110,7 @@ FORMATS = (
     ),
     CameraFormat(
         "blocks-exchange", "iTwin Capture, ContextCapture, DJI Terra", "blocks.xml",
-        read_blocks_exchange, _without_mesh(write_blocks_exchange),
+        read_blocks_exchange, _without_mesh(write_blocks_exchange), fisheye=True,
     ),
     CameraFormat(
         "pix4d", "Pix4Dmapper", "..._calibrated_camera_parameters.txt", read_pix4d,
@@ -118,7 +118,7 @@ FORMATS = (
     ),
     CameraFormat(
         "opf", "Pix4D (Open Photogrammetry Format)", "cameras.opf and its .json", read_opf,
-        _without_mesh(write_opf), "pyopf",
+        _without_mesh(write_opf), "pyopf", fisheye=True,
     ),
     CameraFormat(
         "visualsfm", "VisualSFM", "cameras.nvm", read_visualsfm, _without_mesh(write_visualsfm)
@@ -138,7 +138,7 @@ FORMATS = (
     ),
     CameraFormat(
         "micmac", "MicMac (Apero, Tapas)", "Orientation-PHOTO.xml and calibrations", read_micmac,
-        _without_mesh(write_micmac),
+        _without_mesh(write_micmac), fisheye=True,
     ),
     CameraFormat("blender", "Blender", "cameras.py", None, write_blender, "Blender 5.0"),
 )  # fmt: skip

@@ -8,19 +8,22 @@ from urllib.parse import unquote
 
 from texproj.errors import InputError
 from texproj.formats.documents import json_of, read_bytes, read_lines
+from texproj.formats.foreign import Broken
 from texproj.formats.meshes.mtl import FIRST_TILE, TILES, beside, image_names
+from texproj.formats.meshes.ply import LONGEST_HEADER, ply_header
+from texproj.formats.meshes.ply_layout import ply_images
 
 MOST_BYTES = 1 << 30
 """Of a text that names other files; a larger one is taken to name none."""
 
 
 def companions(path: Path) -> dict[str, Path]:
-    """The files that an obj or gltf names and that are there, by the name that it gives them,
+    """The files that an obj, gltf or ply names and that are there, by the name that it gives them,
     relative to its folder. A file that cannot be read names none.
     """
     try:
-        names = {".obj": _of_obj, ".gltf": _of_gltf}.get(path.suffix.lower(), lambda _: [])(path)
-    except InputError:
+        names = _NAMES.get(path.suffix.lower(), lambda _: [])(path)
+    except (InputError, Broken):
         return {}
     found = {name: file for name in names if (file := beside(path, name)) is not None}
     return dict(sorted(found.items()))
@@ -44,6 +47,14 @@ def _of_obj(path: Path) -> list[str]:
         for image in image_names(read_lines(file, MOST_BYTES)) if file is not None else ():
             names += _tiles(path, image) if TILES in image else [image]
     return names
+
+
+def _of_ply(path: Path) -> list[str]:
+    with path.open("rb") as file:
+        return ply_images(ply_header(file.read(LONGEST_HEADER)))
+
+
+_NAMES = {".obj": _of_obj, ".gltf": _of_gltf, ".ply": _of_ply}
 
 
 def _libraries(path: Path) -> list[str]:

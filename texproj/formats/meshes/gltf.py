@@ -111,15 +111,12 @@ def _primitive(
     document: GltfDocument, primitive: dict[str, Any]
 ) -> tuple[Vertices, NDArray[np.integer[Any]]]:
     """Positions and triangles of one part, in its own frame."""
-    attributes = object_of(primitive.get("attributes"), "attributes")
-    xyz = document.accessor(attributes.get("POSITION"), 3).astype(np.float64)
+    xyz = document.attribute(primitive, "POSITION", 3).astype(np.float64)
     mode = primitive.get("mode", TRIANGLES)
     if mode not in (TRIANGLES, STRIP, FAN):
         return xyz, NO_FACES
-    if "indices" in primitive:
-        corners = document.accessor(primitive["indices"], 1)[:, 0].astype(np.int64)
-    else:
-        corners = np.arange(len(xyz))
+    listed = document.corners(primitive)
+    corners = np.arange(len(xyz)) if listed is None else listed
     corners = np.where(corners < len(xyz), corners, -(MOST_ELEMENTS))  # not into the next part
     if mode == TRIANGLES:
         return xyz, corners[: len(corners) // 3 * 3].reshape(-1, 3)

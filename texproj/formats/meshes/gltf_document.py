@@ -15,8 +15,14 @@ from numpy.typing import NDArray
 from texproj.errors import InputError
 from texproj.formats.documents import json_of, read_bytes
 from texproj.formats.foreign import Broken
+from texproj.formats.meshes.gltf_compressed import (
+    DRACO,
+    DracoPart,
+    draco_part,
+    meshopt_bytes,
+    meshopt_of,
+)
 
-COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression")
 INSTANCES = "EXT_mesh_gpu_instancing"
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -37,9 +43,8 @@ class GltfDocument:
             raise Broken("an object in braces expected")
         self._content: dict[str, Any] = content
         self._buffers: dict[int, bytes] = {}
-        for name in COMPRESSED:
-            if name.encode() in text:
-                raise InputError(f"{path}: compressed by {name}; export it uncompressed")
+        self._plain_views: dict[int, bytes] = {}
+        self._draco: dict[int, DracoPart] = {}
         if INSTANCES.encode() in text:
             told = f"its parts are instances ({INSTANCES}); export them as meshes"
             raise InputError(f"{path}: {told}")
@@ -64,6 +69,39 @@ class GltfDocument:
         held = {c for node in nodes for c in list_of(node, "children") if isinstance(c, int)}
         return [i for i in range(len(nodes)) if i not in held]
 
+    def attribute(self, primitive: dict[str, Any], name: str, width: int) -> NDArray[Any]:
+        """(n, width) values of a primitive's vertices, whether it is compressed or not."""
+        attributes = object_of(primitive.get("attributes"), "attributes")
+        told = _draco_of(primitive)
+        number = object_of(told.get("attributes", {}), DRACO).get(name)
+        if not isinstance(number, int):
+            return self.accessor(attributes.get(name), width)
+        entry = self.entry("accessors", attributes.get(name))
+        values = self._draco_part(primitive, told).attributes.get(number)
+        if values is None or values.ndim != 2 or values.shape[1] != width:
+            raise Broken(f"its compressed part has no {name}")
+        return _fractions(entry, values)
+
+    def corners(self, primitive: dict[str, Any]) -> NDArray[np.int64] | None:
+        """(n,) rows of a primitive's vertices in their order; None where it lists none."""
+        told = _draco_of(primitive)
+        if told:
+            return self._draco_part(primitive, told).corners.ravel()
+        if "indices" not in primitive:
+            return None
+        return self.accessor(primitive["indices"], 1)[:, 0].astype(np.int64)
+
+    def _draco_part(self, primitive: dict[str, Any], told: dict[str, Any]) -> DracoPart:
+        view = told.get("bufferView")
+        if not isinstance(view, int):
+            raise Broken(f"{DRACO} names no data")
+        if view not in self._draco:
+            attributes = object_of(primitive.get("attributes"), "attributes")
+            counted = attributes.get("POSITION"), primitive.get("indices")
+            vertices, indices = (_count(self.entry("accessors", n), "count") for n in counted)
+            self._draco[view] = draco_part(self.view_bytes(view), vertices, indices)
+        return self._draco[view]
+
     def accessor(self, index: Any, width: int) -> NDArray[Any]:
         """(n, width) values of an accessor; integers that stand for fractions become floats."""
         entry = self.entry("accessors", index)
@@ -79,9 +117,7 @@ class GltfDocument:
             raise Broken(f"accessor {index} has no data")
         if "sparse" in entry:
             values = self._with_sparse(entry, values)
-        if entry.get("normalized") is True and values.dtype.kind in "iu":
-            values = np.maximum(values / np.iinfo(values.dtype).max, -1.0)
-        return values
+        return _fractions(entry, values)
 
     def _with_sparse(self, entry: dict[str, Any], values: NDArray[Any]) -> NDArray[Any]:
         sparse = object_of(entry["sparse"], "sparse")
@@ -101,13 +137,31 @@ class GltfDocument:
         view = self.entry("bufferViews", entry.get("bufferView"))
         dtype = _dtype(entry)
         step = _count(view, "byteStride", 0) or dtype.itemsize * width
-        start = _count(view, "byteOffset", 0) + _count(entry, "byteOffset", 0)
+        told = meshopt_of(view)
+        start = _count(entry, "byteOffset", 0)
+        if told is None:
+            start += _count(view, "byteOffset", 0)
+            buffer = self._buffer(view.get("buffer"))
+        else:
+            buffer = self._plain(entry["bufferView"], told)
+            step = _count(told, "byteStride")
         end = start + step * (count - 1) + dtype.itemsize * width if count else start
-        buffer = self._buffer(view.get("buffer"))
         if end > len(buffer):
             raise Broken("its data end early")
         strides = (step, dtype.itemsize)
         return np.ndarray((count, width), dtype, buffer, start if count else 0, strides)
+
+    def _plain(self, index: int, told: dict[str, Any]) -> bytes:
+        """What a view holds that is compressed by meshopt."""
+        if index not in self._plain_views:
+            start, length = _count(told, "byteOffset", 0), _count(told, "byteLength")
+            data = self._buffer(told.get("buffer"))[start : start + length]
+            shape = _count(told, "count"), _count(told, "byteStride")
+            try:
+                self._plain_views[index] = meshopt_bytes(data, *shape, told)
+            except InputError as error:
+                raise InputError(f"{self.path}: {error}") from None
+        return self._plain_views[index]
 
     def _buffer(self, index: Any) -> bytes:
         entry = self.entry("buffers", index)
@@ -184,6 +238,19 @@ def _count(holder: dict[str, Any], key: str, default: int | None = None) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < MOST_ELEMENTS:
         raise Broken(f"{key} must be a number of bytes or elements")
     return value
+
+
+def _draco_of(primitive: dict[str, Any]) -> dict[str, Any]:
+    """What a primitive says of its compression by Draco; empty if it has none."""
+    extensions = object_of(primitive.get("extensions", {}), "extensions")
+    return object_of(extensions.get(DRACO, {}), DRACO)
+
+
+def _fractions(entry: dict[str, Any], values: NDArray[Any]) -> NDArray[Any]:
+    """Values of an accessor; integers that stand for fractions become floats."""
+    if entry.get("normalized") is True and values.dtype.kind in "iu":
+        return np.asarray(np.maximum(values / np.iinfo(values.dtype).max, -1.0))
+    return values
 
 
 def _dtype(entry: dict[str, Any]) -> np.dtype[Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,13 +16,20 @@ from texproj.formats.meshes.gltf_document import (
     list_of,
     object_of,
 )
-from texproj.layout import NO_PLACE, Layout, Material, Node
+from texproj.layout import NO_PLACE, Layout, Material, Node, Surface, SurfaceMap
 
 TRANSFORM = "KHR_texture_transform"
 OTHER_IMAGES = ("EXT_texture_webp", "EXT_texture_avif")
 """Where a texture names its image when it is no png or jpeg; others (Basis) cannot be read."""
 PLACING = {"matrix": 16, "rotation": 4, "translation": 3, "scale": 3}
 LONGEST_NAME = 200
+ROLES = {
+    "metallicRoughnessTexture": "", "normalTexture": "scale", "occlusionTexture": "strength",
+}  # fmt: skip
+"""Maps that are kept, and glTF's word for the strength of each."""
+PBR_ROLES = ("metallicRoughnessTexture",)
+"""Those that stand under pbrMetallicRoughness."""
+MOST_FACTOR = 1e6
 
 
 def gltf_layout(document: GltfDocument, parts: list[GltfPart]) -> Layout | None:
@@ -85,7 +93,7 @@ def _coordinates(document: GltfDocument, part: GltfPart) -> NDArray[np.float64] 
     attributes = object_of(part.primitive.get("attributes"), "attributes")
     if f"TEXCOORD_{number}" not in attributes:
         return None
-    uv = document.accessor(attributes[f"TEXCOORD_{number}"], 2).astype(np.float64)
+    uv = document.attribute(part.primitive, f"TEXCOORD_{number}", 2).astype(np.float64)
     if change:
         if change.get("rotation", 0) != 0:
             raise Broken(f"a texture is turned by {TRANSFORM}")
@@ -119,7 +127,58 @@ def _material(document: GltfDocument, number: int) -> Material:
     red, green, blue = np.clip(factor[:3], 0, 1).tolist()
     texture = _base_color(document, number)
     image, why = _image(document, texture["index"]) if "index" in texture else (None, "")
-    return Material(name, image, (red, green, blue), why)
+    told = _surface(document, entry, surface, _place(texture))
+    return Material(name, image, (red, green, blue), why, surface=told)
+
+
+def _surface(
+    document: GltfDocument, entry: dict[str, Any], pbr: dict[str, Any], place: Any
+) -> Surface:
+    """What a material says beside its colors; maps at other coordinates than these are left out.
+    place: where the texture of the colors lies.
+    """
+    maps = []
+    for role, strength in ROLES.items():
+        texture = (pbr if role in PBR_ROLES else entry).get(role)
+        if not isinstance(texture, dict) or (place is not None and _place(texture) != place):
+            continue
+        image, _ = _image(document, texture.get("index"))
+        if image is not None and (mime := _mime(image)):
+            maps.append(SurfaceMap(role, image, mime, _factor(texture.get(strength), 1.0) or 1.0))
+    usual = 1.0 if any(one.role in PBR_ROLES for one in maps) else None
+    roughness, metallic = (
+        _factor(pbr.get(f"{word}Factor"), usual) for word in ("roughness", "metallic")
+    )
+    return Surface(tuple(maps), roughness, metallic)
+
+
+def _place(texture: dict[str, Any]) -> Any:
+    """Which coordinates a texture takes, and how they are changed; None where there is none."""
+    if "index" not in texture:
+        return None
+    extensions = texture.get("extensions", {})
+    change = extensions.get(TRANSFORM, {}) if isinstance(extensions, dict) else {}
+    return texture.get("texCoord", 0), change
+
+
+def _mime(image: Path | bytes) -> str:
+    """Of the kinds that a glb holds by itself; empty for others, and where no file is there."""
+    head = image if isinstance(image, bytes) else b""
+    if isinstance(image, Path):
+        try:
+            with image.open("rb") as file:
+                head = file.read(8)
+        except OSError:
+            return ""
+    kinds = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
+    return next((kind for magic, kind in kinds.items() if head.startswith(magic)), "")
+
+
+def _factor(value: Any, usual: float | None) -> float | None:
+    """A number of possible size; `usual` for anything else."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return usual
+    return float(value) if abs(value) < MOST_FACTOR else usual
 
 
 def _image(document: GltfDocument, texture: Any) -> tuple[Any, str]:

@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +26,8 @@ from texproj.formats.meshes.scene import read_scene
 
 LONGEST_HEADER = 100_000
 CORNERS = ("vertex_indices", "vertex_index")
+TEXCOORD = "texcoord"
+"""Texture coordinates at the corners of a face, u v u v ..."""
 
 
 @dataclass(frozen=True)
@@ -38,12 +41,14 @@ class Element:
 
 @dataclass(frozen=True)
 class Header:
-    """The header of a PLY. kind: ascii, binary_little_endian, binary_big_endian; size: bytes."""
+    """The header of a PLY. kind: ascii, binary_little_endian, binary_big_endian; size: bytes;
+    comments: what stands in them, of any kind.
+    """
 
     kind: str
     elements: tuple[Element, ...]
     size: int
-    textured: bool
+    comments: tuple[str, ...]
 
     def element(self, name: str) -> Element:
         found = [e for e in self.elements if e.name == name]
@@ -90,9 +95,8 @@ def ply_header(data: bytes) -> Header:
             last = elements[-1]
             added = (*last.properties, (words[-1], words[1] == "list"))
             elements[-1] = Element(last.name, last.count, added)
-    names = {name for e in elements for name, _ in e.properties}
-    textured = bool(names & {"texcoord", "texture_u", "s", "u"}) or "TextureFile" in "".join(lines)
-    return Header(kind, tuple(elements), line_end + 1, textured)
+    comments = tuple(line for line in lines if line.split()[:1] == ["comment"])
+    return Header(kind, tuple(elements), line_end + 1, comments)
 
 
 def _element(words: list[str]) -> Element:
@@ -101,20 +105,26 @@ def _element(words: list[str]) -> Element:
     return Element(words[1], int(words[2]), ())
 
 
-def _text(data: bytes, header: Header) -> tuple[Vertices, Faces]:
-    """Every element is one line. Raises Broken where lines are missing or too short."""
+def text_rows(data: bytes, header: Header) -> dict[str, list[bytes]]:
+    """The lines of each element of a text, by its name. Raises Broken where some are missing."""
     lines = [line for line in data[header.size :].splitlines() if line.strip()]
     told = sum(element.count for element in header.elements)
     if len(lines) < told:
         raise Broken(f"{len(lines)} lines of {told}: it was cut off")
-    at, vertices, faces = 0, np.zeros((0, 3)), NO_FACES
+    rows, at = {}, 0
     for element in header.elements:
-        body = lines[at : at + element.count]
+        rows[element.name] = lines[at : at + element.count]
         at += element.count
-        if element.name == "vertex":
-            vertices = _vertices(body, element)
-        elif element.name == "face":
-            faces = _faces(body, element)
+    return rows
+
+
+def _text(data: bytes, header: Header) -> tuple[Vertices, Faces]:
+    """Every element is one line. Raises Broken where lines are missing or too short."""
+    rows, vertices, faces = text_rows(data, header), np.zeros((0, 3)), NO_FACES
+    if "vertex" in rows:
+        vertices = _vertices(rows["vertex"], header.element("vertex"))
+    if "face" in rows:
+        faces = _faces(rows["face"], header.element("face"))
     return vertices, faces
 
 
@@ -141,13 +151,20 @@ def _faces(lines: list[bytes], element: Element) -> Faces:
     return counted_polygons(lines)
 
 
-def _triangles(path: Path) -> tuple[Vertices, Faces]:
-    """A binary ply of triangles, straight from the disk. Raises Broken for other polygons."""
+def binary_rows(path: Path) -> Any:
+    """The elements of a binary file whose faces are triangles, straight from the disk. Raises
+    Broken for other polygons.
+    """
     import plyfile  # noqa: PLC0415
 
-    known = {"face": dict.fromkeys(CORNERS, 3) | {"texcoord": 6}}
+    known = {"face": dict.fromkeys(CORNERS, 3) | {TEXCOORD: 6}}
     with foreign_parser():
-        ply = plyfile.PlyData.read(path, mmap="r", known_list_len=known)
+        return plyfile.PlyData.read(path, mmap="r", known_list_len=known)
+
+
+def _triangles(path: Path) -> tuple[Vertices, Faces]:
+    ply = binary_rows(path)
+    with foreign_parser():
         vertex, face = ply["vertex"].data, ply["face"].data
         names = [name for name in CORNERS if name in face.dtype.names]
         vertices = np.stack([vertex[axis] for axis in "xyz"], axis=1).astype(np.float64)

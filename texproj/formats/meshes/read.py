@@ -12,22 +12,17 @@ from texproj.formats.foreign import Broken
 from texproj.formats.meshes.gltf import gltf_parts, placed_together
 from texproj.formats.meshes.gltf_document import GltfDocument
 from texproj.formats.meshes.gltf_layout import gltf_layout
+from texproj.formats.meshes.kinds import MESH_SUFFIXES
 from texproj.formats.meshes.obj import ObjFile
 from texproj.formats.meshes.off import read_off
 from texproj.formats.meshes.ply import ply_header, read_ply
+from texproj.formats.meshes.ply_layout import ply_layout
 from texproj.formats.meshes.polygons import Faces, Vertices
 from texproj.formats.meshes.scene import read_stl
 from texproj.layout import Layout
 
-MESH_SUFFIXES = (".ply", ".obj", ".stl", ".off", ".glb", ".gltf")
-
 MOST_BYTES = 32 << 30
 """The file is read whole; 300 million faces take less."""
-
-PLY_TEXTURED = (
-    "it brings its own texture coordinates, which are not used: colors come from the photos alone,"
-    " and a texture gets a layout of its own; export it as glb or obj to keep them"
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +75,9 @@ def _read(kind: str, path: Path, data: bytes) -> MeshFile:
         return MeshFile(*read_stl(data))
     if kind == ".ply":
         vertices, faces = read_ply(path, data)
-        return MeshFile(vertices, faces, None, (PLY_TEXTURED,) if ply_header(data).textured else ())
+        return _with_layout(
+            vertices, faces, lambda: ply_layout(path, data, ply_header(data), faces)
+        )
     if kind == ".obj":
         obj = ObjFile(path, data)
         return _with_layout(*obj.geometry(), obj.layout)

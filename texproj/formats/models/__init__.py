@@ -10,6 +10,7 @@ from texproj.formats.models.images import (
     to_8_bit,
     write_pages,
 )
+from texproj.formats.models.kinds import MODEL_KINDS
 from texproj.formats.models.lit import Gloss, Images, Parts, write_glossy_glb, write_lit_glb
 from texproj.formats.models.obj import write_obj
 from texproj.formats.models.page_names import file_endings
@@ -18,6 +19,7 @@ from texproj.formats.models.read import read_model, scan_from_node
 from texproj.formats.models.usdz import write_usdz
 
 __all__ = [
+    "MODEL_KINDS",
     "GlbImage",
     "Gloss",
     "ImageFormat",

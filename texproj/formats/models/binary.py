@@ -6,6 +6,7 @@ import errno
 import json
 import shutil
 import struct
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -21,12 +22,18 @@ COMPONENTS = {"f4": 5126, "u4": 5125}
 MOST_BYTES = 2**32 - 1
 """Lengths in a GLB are 32-bit numbers."""
 
+Box = tuple[NDArray[np.float64], float]
+"""Lowest corner (3,) of a model and its longest side, in the frame of its positions."""
+
 Blob = NDArray[Any] | Path
 """Bytes of the binary chunk: an array, or a file that is copied into it."""
 
 
 class Document:
     """The binary chunk of a GLB while it grows, with its views and accessors."""
+
+    extension: str = ""
+    """Without which a viewer does not understand the primitives; empty where there is none."""
 
     def __init__(self) -> None:
         self._blobs: list[Blob] = []
@@ -44,6 +51,34 @@ class Document:
         self._blobs.append(blob)
         self._size += length + -length % 4
         return len(self._views) - 1
+
+    def primitive(
+        self, attributes: Mapping[str, NDArray[Any]], corners: NDArray[Any], box: Box
+    ) -> dict[str, Any]:
+        """Append a primitive: (n, 2 to 4) values per vertex by the standard's names, and (3 F,)
+        corners. box: of the whole model; here nothing follows from it.
+        """
+        del box
+        return {
+            "attributes": {
+                name: self.vectors(values, bounds=name == "POSITION")
+                for name, values in attributes.items()
+            },
+            "indices": self.indices(corners),
+        }
+
+    def promised(self, values: NDArray[Any], bounds: bool = False) -> int:
+        """An accessor of (n, 1 to 4) values that stand elsewhere, compressed; its number."""
+        width = values.shape[1]
+        accessor = {
+            "componentType": COMPONENTS[values.dtype.str[1:]],
+            "count": len(values),
+            "type": "SCALAR" if width == 1 else f"VEC{width}",
+        }
+        if bounds:
+            accessor |= {"min": values.min(0).tolist(), "max": values.max(0).tolist()}
+        self._accessors.append(accessor)
+        return len(self._accessors) - 1
 
     def indices(self, values: NDArray[Any]) -> int:
         """Append (n,) indices; their accessor's number."""

@@ -10,9 +10,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.formats.models.binary import Document
+from texproj.formats.models.binary import Box, Document
+from texproj.formats.models.draco import DracoDocument, fineness_of
 from texproj.formats.models.page_names import UNTEXTURED, page_names
 from texproj.formats.models.precision import single_is_enough
+from texproj.layout import Surface, SurfaceMap
 from texproj.mesh import ColoredMesh, Parts, TexturedMesh
 from texproj.photo import linear_from_srgb
 from texproj.provenance import GENERATOR, NOTHING, Provenance
@@ -20,6 +22,11 @@ from texproj.standing import Standing
 
 GlbImage = Literal["png", "jpeg", "webp", "ktx2"]
 """What viewers read: png and jpeg by the standard itself, the others by an extension."""
+
+GLB_IMAGES: dict[str, GlbImage] = {
+    ".png": "png", ".jpg": "jpeg", ".webp": "webp", ".ktx2": "ktx2",
+}  # fmt: skip
+"""By the suffix of an image's file."""
 
 IMAGE_EXTENSIONS = {"webp": "EXT_texture_webp", "ktx2": "KHR_texture_basisu"}
 UNLIT = "KHR_materials_unlit"
@@ -38,8 +45,8 @@ def write_glb(
     path: Path,
     model: TexturedMesh,
     images: Sequence[Path],
-    image_format: GlbImage = "png",
     unlit: bool = True,
+    compressed: bool = False,
     standing: Standing | None = None,
     provenance: Provenance = NOTHING,
 ) -> None:
@@ -50,12 +57,14 @@ def write_glb(
     says. They are float32; where that is not enough they count
     from the middle of the model and the node is moved there. `unlit` shows the colors as they
     were photographed (KHR_materials_unlit), viewers without it light them. images: the files of
-    the pages, 8 bits as the standard has it for colors, then those of the model's normal map if it
-    shall be there; webp and ktx2 are marked as required,
-    there is no second copy for viewers without them. `provenance` stands in the asset: copyright,
-    and its facts under extras.texproj. Raises OSError.
+    the pages, all of one kind that their suffix tells, 8 bits as the standard has it for colors,
+    then those of the model's normal map if it shall be there; webp and ktx2 are marked as required,
+    there is no second copy for viewers without them. compressed: by Draco, required as well.
+    `provenance` stands in the asset: copyright, and its facts under extras.texproj. Raises OSError,
+    and OutputError for what Draco cannot hold.
     """
-    document = Document()
+    document = DracoDocument(fineness_of(model)) if compressed else Document()
+    image_format = GLB_IMAGES[images[0].suffix] if images else "png"
     names = page_names(model)
     pages = len(model.pages)
     bumps = len(images) - pages  # as many again, or none
@@ -76,9 +85,12 @@ def write_glb(
     content["asset"] = asset_of(provenance)
     if images:
         content |= textures([document.view(image) for image in images], image_format)
+        if model.parts is not None:
+            _add_surfaces(document, content, model.parts.surfaces)
         if model.parts is not None and not _in_one_tile(model.parts.uv_down):
             content["samplers"] = [SAMPLER | {"wrapS": REPEAT, "wrapT": REPEAT}]
-    declare(content, unlit, IMAGE_EXTENSIONS.get(image_format) if images else None)
+    needed = IMAGE_EXTENSIONS.get(image_format, "") if images else ""
+    declare(content, unlit, *(name for name in (needed, document.extension) if name))
     document.write(path, content)
 
 
@@ -104,7 +116,7 @@ def write_colored_glb(
     material["pbrMetallicRoughness"]["baseColorFactor"] = [1, 1, 1, 1]
     content = document_content(path.stem, [primitive], [material], offset, standing)
     content["asset"] = asset_of(provenance)
-    declare(content, unlit, None)
+    declare(content, unlit)
     document.write(path, content)
 
 
@@ -201,10 +213,19 @@ def primitives_of(
 ) -> list[dict[str, Any]]:
     """One primitive for each page of the chosen faces (F,)."""
     pages = np.unique(model.page_of_face[rows]).tolist()
-    return [
-        _primitive(document, model, page, rows & (model.page_of_face == page), offset)
-        for page in pages
-    ]
+    out = []
+    for page in pages:
+        of_page = rows & (model.page_of_face == page)
+        attributes, corners = _arrays(model, page, of_page, offset)
+        primitive = document.primitive(attributes, corners, box_of(model.vertices - offset))
+        out.append(primitive | {"material": page if page >= 0 else len(model.pages)})
+    return out
+
+
+def box_of(vertices: NDArray[np.float64]) -> Box:
+    """Of (n, 3) positions."""
+    low = vertices.min(axis=0)
+    return low, float((vertices.max(axis=0) - low).max())
 
 
 def asset_of(provenance: Provenance) -> dict[str, Any]:
@@ -217,13 +238,13 @@ def asset_of(provenance: Provenance) -> dict[str, Any]:
     return asset
 
 
-def declare(content: dict[str, Any], unlit: bool, images: str | None) -> None:
-    """Name the extensions that are used, and the one without which nothing can be seen."""
-    used = [name for name in (UNLIT if unlit else None, images) if name]
+def declare(content: dict[str, Any], unlit: bool, *needed: str) -> None:
+    """Name the extensions that are used, and those without which nothing can be seen."""
+    used = [*((UNLIT,) if unlit else ()), *needed]
     if used:
         content["extensionsUsed"] = used
-    if images:
-        content["extensionsRequired"] = [images]
+    if needed:
+        content["extensionsRequired"] = list(needed)
 
 
 def textures(views: list[int], image_format: GlbImage) -> dict[str, Any]:
@@ -243,30 +264,53 @@ def _source(image: int, extension: str | None) -> dict[str, Any]:
     return {"extensions": {extension: source}} if extension else source
 
 
-def _primitive(
-    document: Document,
-    model: TexturedMesh,
-    page: int,
-    rows: NDArray[np.bool_],
-    offset: NDArray[np.float64],
-) -> dict[str, Any]:
-    """Faces (F,) of one page, one glTF vertex per pair of vertex and texture vertex."""
+def _arrays(
+    model: TexturedMesh, page: int, rows: NDArray[np.bool_], offset: NDArray[np.float64]
+) -> tuple[dict[str, NDArray[Any]], NDArray[Any]]:
+    """Faces (F,) of one page: values by the standard's names, one glTF vertex per pair of vertex
+    and texture vertex, and (3 F,) corners.
+    """
     vertex, texel, indices = _pairs(model, page, rows)
-    attributes = {"POSITION": document.vectors(model.vertices[vertex] - offset, bounds=True)}
+    attributes: dict[str, NDArray[Any]] = {"POSITION": model.vertices[vertex] - offset}
     if model.normals is not None:
-        attributes["NORMAL"] = document.vectors(units(model.normals[vertex]))
+        attributes["NORMAL"] = units(model.normals[vertex])
     if page >= 0:
         kept = model.parts.uv_down[texel] if model.parts is not None else None
-        uv_down = model.uv[texel] * (1, -1) + (0, 1) if kept is None else kept
-        attributes["TEXCOORD_0"] = document.vectors(uv_down)
+        attributes["TEXCOORD_0"] = model.uv[texel] * (1, -1) + (0, 1) if kept is None else kept
         if model.normal_map is not None and model.normals is not None:
-            attributes["TANGENT"] = document.vectors(model.normal_map.tangents[texel])
-    material = page if page >= 0 else len(model.pages)
-    return {
-        "attributes": attributes,
-        "indices": document.indices(indices.ravel()),
-        "material": material,
-    }
+            attributes["TANGENT"] = model.normal_map.tangents[texel]
+    return attributes, indices.ravel()
+
+
+def _add_surfaces(document: Document, content: dict[str, Any], surfaces: Sequence[Surface]) -> None:
+    """Put into the materials of the pages what those of the mesh said beside their colors; an
+    image that several share is there once.
+    """
+    known: dict[Any, int] = {}
+    for material, surface in zip(content["materials"], surfaces, strict=False):
+        pbr = material["pbrMetallicRoughness"]
+        factors = {"roughnessFactor": surface.roughness, "metallicFactor": surface.metallic}
+        pbr |= {key: float(np.clip(f, 0, 1)) for key, f in factors.items() if f is not None}
+        for one in surface.maps:
+            if one.image not in known:
+                blob = (
+                    one.image if isinstance(one.image, Path) else np.frombuffer(one.image, np.uint8)
+                )
+                image = {"mimeType": one.mime, "bufferView": document.view(blob)}
+                content["images"].append(image)
+                content["textures"].append({"sampler": 0, "source": len(content["images"]) - 1})
+                known[one.image] = len(content["textures"]) - 1
+            _put_map(material, one, known[one.image])
+
+
+def _put_map(material: dict[str, Any], one: SurfaceMap, texture: int) -> None:
+    told: dict[str, Any] = {"index": texture}
+    if one.role == "metallicRoughnessTexture":
+        material["pbrMetallicRoughness"][one.role] = told
+        return
+    if one.strength != 1:
+        told["scale" if one.role == "normalTexture" else "strength"] = one.strength
+    material[one.role] = told
 
 
 def _pairs(

@@ -95,7 +95,7 @@ def write_glossy_glb(
     materials = [parts.gloss[number].material for number in used]
     content = document_content(path.stem, primitives, materials, offset, standing)
     content["asset"] = asset_of(provenance)
-    declare(content, False, None)
+    declare(content, False)
     if any("extensions" in material for material in materials):
         content["extensionsUsed"] = [*content.get("extensionsUsed", ()), SPECULAR]
     document.write(path, content)
@@ -133,7 +133,7 @@ def write_lit_glb(
     content["asset"] = asset_of(provenance)
     files = (*images.base, *images.orm, *images.normal, *images.specular)
     content |= textures([document.view(file) for file in files], "png")
-    declare(content, False, None)
+    declare(content, False)
     if images.specular:
         content["extensionsUsed"] = [*content.get("extensionsUsed", ()), SPECULAR]
     document.write(path, content)

@@ -22,10 +22,11 @@ from texproj.formats.photos.exif import (
     taken_of,
 )
 from texproj.formats.photos.exr import exr_stored
+from texproj.formats.photos.gravity import LONGEST_XMP, XMP, up_of
 from texproj.formats.photos.heif import MissingReaderError, avif_stored, brand_of, heic_stored
 from texproj.formats.photos.icc import adobe_rgb, usable
 from texproj.formats.photos.kinds import RAW_SUFFIXES, SAID
-from texproj.formats.photos.lens_data import known_distortion
+from texproj.formats.photos.lens_data import known_lens
 from texproj.formats.photos.raster import Stored
 from texproj.formats.photos.raw import RAW_MAGIC, raw_stored
 from texproj.formats.photos.tiff import MAGIC, directories, photo_page
@@ -98,16 +99,16 @@ def read_photo_info(path: Path, largest_mp: float = LARGEST_PHOTO_MP) -> PhotoIn
     focal_px, notes = focal_px_of(header)
     if not header.exif:
         notes = ("no EXIF data: focal length and exposure are unknown",)
-    distortion, lens = known_distortion(header, focal_px)
-    if distortion:
-        notes = (
-            *notes,
-            f"its lens, {lens}, is in lensfun's database: distortion starts from there",
-        )
+    lens = known_lens(header, focal_px)
+    lens_light = lens.lens_light if header.kind == "RAW" else ()
+    if lens.distortion or lens_light:
+        told = ["distortion starts from there"] if lens.distortion else []
+        told += ["the light that it loses to the corners is given back"] if lens_light else []
+        notes = (*notes, f"its lens, {lens.name}, is in lensfun's database: {', '.join(told)}")
     return PhotoInfo(
         path.name, width, height, focal_px, body_of(header), exposure_ev_of(header),
         (*header.notes, *notes), header.orientation, *rights_of(header), taken_of(header),
-        distortion,
+        lens.distortion, up_of(header), lens_light,
     )  # fmt: skip
 
 
@@ -182,6 +183,9 @@ def _pillow(file: io.BufferedIOBase) -> Stored:
     profile = image.info.get("icc_profile")
     block = image.info.get("exif") or b"" if kind == "JPEG" else _png_exif(file)
     tags, exif = read_or_none(lambda: directories_of(block))
+    xmp = image.info.get("xmp")
+    if isinstance(xmp, bytes) and len(xmp) <= LONGEST_XMP:
+        tags = {**tags, XMP: xmp}
     return Stored(kind, image.width, image.height, channels, profile, tags, exif)
 
 

@@ -18,6 +18,17 @@ KINDS: dict[str, tuple[str, ...]] = {
 }
 """Endings of each kind, in small letters."""
 
+PIXELS = {
+    "JPEG": ("8 bits; grey, RGB, CMYK", "OpenCV, imagecodecs"),
+    "PNG": ("8, 16 bits; grey, RGB, alpha", "imagecodecs"),
+    "TIFF": ("8, 16 bits, floating point; grey, RGB, CMYK, alpha", "tifffile, imagecodecs"),
+    "RAW": ("linear light of the sensor", "LibRaw"),
+    "HEIC": ("8 to 12 bits", "pillow-heif, if installed"),
+    "AVIF": ("8 to 12 bits", "Pillow, imagecodecs"),
+    "OpenEXR": ("linear light, half and float", "OpenEXR"),
+}
+"""By kind, what such a file holds and the library that reads it."""
+
 PHOTO_SUFFIXES = tuple(suffix for suffixes in KINDS.values() for suffix in suffixes)
 SAID = "jpg, png, tif, heic, avif, exr, or a camera's RAW"
 """What a person is told that photos may be."""

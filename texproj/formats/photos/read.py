@@ -55,6 +55,8 @@ def read_photo(
     size = _target_size(*header.upright_size, longest)
     encoded = header.kind == "TIFF" and develop.float_light == "srgb"
     upright = _upright(_pixels(raster, header.profile, encoded), header)
+    if header.kind == "RAW" and info.lens_light and develop.lens_light:
+        upright = _evenly_lit(upright, info.lens_light)
     pixels, finite = _finite(_rgb(_sized(upright, size)))
     if finite is not None and not finite.any():
         raise InputError(f"{path}: no pixel of it is a finite number; export it again")
@@ -119,6 +121,16 @@ def _rgb_of_cmyk(values: Values) -> Values:
 @lru_cache(maxsize=1)
 def _linear_of_srgb16() -> NDArray[np.float32]:
     return linear_from_srgb(np.arange(65536) / 65535)
+
+
+def _evenly_lit(pixels: NDArray[np.float32], lens_light: Sequence[float]) -> NDArray[np.float32]:
+    """The pixels (h, w, 3) over what the lens lets through; see `PhotoInfo.lens_light`."""
+    height, width = pixels.shape[:2]
+    x, y = (((np.arange(side) + 0.5) - side / 2) ** 2 for side in (width, height))
+    scale = 4 / (width**2 + height**2)
+    r2 = np.add.outer((y * scale).astype(np.float32), (x * scale).astype(np.float32))
+    terms = np.array([*reversed(lens_light), 1.0], np.float32)
+    return np.asarray(pixels / np.polyval(terms, r2)[..., None])
 
 
 def _upright(pixels: Any, header: Header) -> Any:

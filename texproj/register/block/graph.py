@@ -52,7 +52,6 @@ class PhotoGraph:
         """Whether a photo was compared with some of the others and shows hardly anything that one
         of them shows.
         """
-        known = self.compared & {*others} - {name}
-        if name not in self.compared or not known:
+        if name not in self.compared or any(other in others for other in self.neighbors(name)):
             return False
-        return all(self.count(name, other) < LEAST_SHARED for other in known)
+        return any(other in self.compared and other != name for other in others)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -35,11 +35,13 @@ ASKED, ASKED_AT_LAST = 4, 8
 @dataclass(frozen=True, eq=False)
 class Beforehand:
     """What is known before a block is placed. calibrated: names of the photos whose lens was given;
-    up: (3,) which way is up on the mesh, world, None where nobody said.
+    up: (3,) which way is up on the mesh, world, None where nobody said; up_in_cam: by name, (3,)
+    unit, what was upward in the axes of a photo's camera, empty where that has not measured it.
     """
 
     calibrated: Collection[str] = ()
     up: Doubles | None = None
+    up_in_cam: Mapping[str, Sequence[float]] = field(default_factory=dict)
 
 
 NOTHING = Beforehand()
@@ -72,7 +74,7 @@ def place_block(
     witnesses, broken = called(block, load_photo, render, scan.surface, ASKED_AT_LAST)
     if not witnesses:
         raise RegistrationError(next(iter(broken.values()), "the block has no photos"))
-    upright = None if known.up is None else Upright.of(block, known.up)
+    upright = None if known.up is None else Upright.of(block, known.up, known.up_in_cam)
     places = proposers(block, mesh, cloud, scan, seed, upright)
     search = Search(places, witnesses[:ASKED], listener, upright)
     return _concluded(search.run(), search, Asked(block, witnesses, broken, known.calibrated))

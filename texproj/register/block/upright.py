@@ -1,9 +1,11 @@
-"""Which way up a block belongs: photos are held level on the mean, and somebody said which way is
-up on the mesh. It orders places and breaks ties; it forbids none. Method: ours.
+"""Which way up a block belongs: cameras have measured it, or are held level on the mean, and
+somebody said which way is up on the mesh. It orders places and breaks ties; it forbids none.
+Method: ours.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,10 +31,15 @@ class Upright:
     in_block: Doubles
 
     @classmethod
-    def of(cls, block: Reconstruction, up: ArrayLike) -> Upright:
-        """By the photos of a block and what is up on the mesh, (3,) world."""
+    def of(
+        cls, block: Reconstruction, up: ArrayLike, measured: Mapping[str, Sequence[float]]
+    ) -> Upright:
+        """By the photos of a block and what is up on the mesh, (3,) world. measured: by photo, what
+        was upward in the axes of its camera, where that has measured it.
+        """
         told = np.asarray(up, np.float64)
-        return cls(told / np.linalg.norm(told), upward(block.cameras))
+        known = [measured.get(name, ()) for name in block.names]
+        return cls(told / np.linalg.norm(told), upward(block.cameras, known))
 
     def holds(self, R: Doubles) -> Bools:
         """(...,) whether blocks that are turned by (..., 3, 3) `R` into the world are upright."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from texproj.arrays import Bools, Doubles
+from texproj.arrays import Bools, Doubles, Index
 from texproj.camera import Camera, Pose
 from texproj.solve.reprojection import projection_jacobian
 from texproj.solve.shared_lens import LensParameters
@@ -72,12 +72,61 @@ def certainty(
     center = np.concatenate(points).mean(axis=0)
     if not np.isfinite(covariance).all():
         return Certainty(np.full(len(points), np.inf), np.full((7, 7), np.inf), center)
-    by_step = _by_step(cameras, points, lenses, solved)
-    by_frame = _by_frame(cameras, points, center)
-    to_frame = np.linalg.pinv(by_frame) @ by_step
-    apart = by_step - by_frame @ to_frame
-    frame = to_frame @ covariance @ to_frame.T
-    return Certainty(_spread_px(apart, covariance, points), frame, center)
+    steps = [
+        _Step.of(k, camera, xyz, lenses, solved) for k, (camera, xyz) in enumerate(
+            zip(cameras, points, strict=True))
+    ]  # fmt: skip
+    frames = [by_similarity(c, xyz, center) for c, xyz in zip(cameras, points, strict=True)]
+    to_frame = _to_frame(steps, frames, len(covariance))
+    with_frame = covariance @ to_frame.T
+    frame = to_frame @ with_frame
+    spread = [
+        step.spread_apart(f, covariance, with_frame, frame)
+        for step, f in zip(steps, frames, strict=True)
+    ]
+    return Certainty(np.array(spread), frame, center)
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """How the joint problem's step moves what one camera sees. columns: (q,) of the step that move
+    it; rows: (2 m, q) derivative of its pixels by these.
+    """
+
+    columns: Index
+    rows: Doubles
+
+    @classmethod
+    def of(
+        cls, k: int, camera: Camera, xyz: Doubles, lenses: LensParameters, solved: Bools
+    ) -> _Step:
+        """Of camera k, which sees (m, 3) world points."""
+        own, lens = 6 * k + np.arange(6), lenses.columns[k]
+        rows = projection_jacobian(camera, xyz, lenses.names).reshape(-1, 6 + len(lenses.names))
+        free = np.concatenate([np.full(6, solved[k]), lenses.free[lens]])
+        return cls(np.concatenate([own, 6 * len(solved) + lens]), rows * free)
+
+    def spread_apart(
+        self, frame_rows: Doubles, covariance: Doubles, with_frame: Doubles, frame: Doubles
+    ) -> float:
+        """Root mean square of the pixels, the common similarity taken out. frame_rows: (2 m, 7)
+        their derivative by that; with_frame: (p, 7) its covariance with the step; frame: (7, 7).
+        """
+        own = covariance[np.ix_(self.columns, self.columns)]
+        variance = np.einsum("ip,pq,iq->i", self.rows, own, self.rows)
+        variance -= 2 * np.einsum("ip,pf,if->i", self.rows, with_frame[self.columns], frame_rows)
+        variance += np.einsum("if,fg,ig->i", frame_rows, frame, frame_rows)
+        return _root_mean(variance)
+
+
+def _to_frame(steps: Sequence[_Step], frames: Sequence[Doubles], width: int) -> Doubles:
+    """(7, p) the similarity that comes nearest to what a step does, least squares."""
+    inverse = np.linalg.pinv(np.concatenate(frames))
+    out, first = np.zeros((7, width)), 0
+    for step in steps:
+        out[:, step.columns] += inverse[:, first : first + len(step.rows)] @ step.rows
+        first += len(step.rows)
+    return out
 
 
 def frame_px(
@@ -88,15 +137,16 @@ def frame_px(
     """
     if not np.isfinite(frame).all():
         return np.full(len(points), np.inf)
-    return _spread_px(_by_frame(cameras, points, center), frame, points)
+    spread = []
+    for camera, xyz in zip(cameras, points, strict=True):
+        rows = by_similarity(camera, xyz, center)
+        spread.append(_root_mean(np.einsum("if,fg,ig->i", rows, frame, rows)))
+    return np.array(spread)
 
 
-def _spread_px(rows: Doubles, covariance: Doubles, points: Sequence[Doubles]) -> Doubles:
-    """(n,) root mean square over each photo's points; rows: (2 m, p) derivative of their pixels."""
-    count = np.array([len(p) for p in points])
-    owner = np.repeat(np.arange(len(count)), 2 * count)
-    variance = np.maximum(np.einsum("ip,ip->i", rows @ covariance, rows), 0)
-    return np.sqrt(np.bincount(owner, variance, len(count)) / np.maximum(count, 1))
+def _root_mean(variance: Doubles) -> float:
+    """px, of the (2 m,) variances of m points' two coordinates; 0 of none."""
+    return float(np.sqrt(2 * np.maximum(variance, 0).mean())) if len(variance) else 0.0
 
 
 def common_similarity(
@@ -116,32 +166,6 @@ def common_similarity(
         known = np.isfinite(aim)
         seven = seven + np.linalg.lstsq(matrix[known], aim[known], rcond=None)[0]
     return Similarity.of(seven, center)
-
-
-def _by_step(
-    cameras: Cameras, points: Sequence[Doubles], lenses: LensParameters, solved: Bools
-) -> Doubles:
-    """(2 m, p) derivative of the pixels of all points by the joint problem's step."""
-    columns, width = lenses.columns, 6 * len(cameras) + lenses.count
-    out = np.zeros((2 * sum(map(len, points)), width))
-    for k, (camera, xyz, rows) in enumerate(zip(cameras, points, _rows(points), strict=True)):
-        own = projection_jacobian(camera, xyz, lenses.names).reshape(-1, 6 + len(lenses.names))
-        out[rows, 6 * k : 6 * k + 6] = own[:, :6] * solved[k]
-        out[rows, 6 * len(cameras) + columns[k]] = own[:, 6:] * lenses.free[columns[k]]
-    return out
-
-
-def _by_frame(cameras: Cameras, points: Sequence[Doubles], center: Doubles) -> Doubles:
-    """(2 m, 7) derivative of the pixels of all points by a common similarity."""
-    out = np.zeros((2 * sum(map(len, points)), 7))
-    for camera, xyz, rows in zip(cameras, points, _rows(points), strict=True):
-        out[rows] = by_similarity(camera, xyz, center)
-    return out
-
-
-def _rows(points: Sequence[Doubles]) -> list[slice]:
-    end = np.cumsum([2 * len(p) for p in points])
-    return [slice(e - 2 * len(p), e) for e, p in zip(end, points, strict=True)]
 
 
 def by_similarity(camera: Camera, xyz: Doubles, center: Doubles) -> Doubles:

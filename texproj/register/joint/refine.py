@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,7 @@ from texproj.register.joint.lone import (
 from texproj.register.joint.overlap import choose_partners, shared_views
 from texproj.register.joint.patches import Density
 from texproj.register.joint.refined import Refined, Solved
-from texproj.register.joint.search import Level, Pair, TieFinder
+from texproj.register.joint.search import Elsewhere, Level, Pair, TieFinder
 from texproj.register.joint.session import Cameras, LoadPhoto, anchor_points
 from texproj.register.joint.ties import TieSearch
 from texproj.render import Render
@@ -38,6 +39,17 @@ from texproj.solve.shared_lens import LensParameters
 
 Tell = Callable[[int, int], None]
 
+
+class TiesElsewhere(Protocol):
+    """Workers that know the photos by their numbers."""
+
+    def search(self, largest_px: int) -> Elsewhere:
+        """What has them seek ties, in photos read at `largest_px`."""
+
+    def among(self, kept: Sequence[int]) -> TiesElsewhere:
+        """The same where the photos are those of the numbers `kept`, counted anew."""
+
+
 FIRST_RADIUS_PX, LATER_RADIUS_PX = 8, 5
 """Search radius in the first round and once the photos are close, working pixels."""
 MOST_ROUNDS, FINE_ROUNDS = 8, 2
@@ -46,6 +58,9 @@ that size."""
 COARSE, FINE = Density(32, 300), Density(48, 700)
 """Patches at the working size and at twice that. At the end, of one scene from a calibrated lens:
 all photos .75 px off with 300, .72 with these, .67 with 1300 in twice the time."""
+MOST_TIES, LEAST_OF_PAIR = 400_000, 32
+"""Patches sought of all pairs together, 130 bytes each, and of one pair nevertheless: of a thousand
+photos, each compared with eight others, one still has eight hundred."""
 TIE_SIGMA_PX = 0.5
 """Noise of a tie, working pixels: what well registered photos of real scenes show."""
 TIE_LOSS = Loss("cauchy", 1.5)
@@ -65,19 +80,23 @@ def refine(
     render: Render,
     options: RefineOptions | None = None,
     tell: Tell = lambda done, total: None,
+    elsewhere: TiesElsewhere | None = None,
 ) -> Refined:
     """Cameras that agree on the surface. render: gives depth and normals for a camera; tell: hears
-    before each round how many are done, of how many at most.
+    before each round how many are done, of how many at most; elsewhere: where ties are sought, if
+    not in this process.
     """
     options = options or RefineOptions()
     cameras = tuple(photo.camera for photo in photos)
     points = anchor_points(cameras, render)
     start, shared = shared_lenses(photos, points)
-    finder = TieFinder(load_photo, render, 2 * options.working_px)
+    largest = 2 * options.working_px
+    search = None if elsewhere is None else elsewhere.search(largest)
+    finder = TieFinder(load_photo, render, largest, search)
     fixed, sigma_px = np.array([p.fixed for p in photos]), np.array([p.sigma_px for p in photos])
     joint = _Joint(cameras, start, sigma_px, fixed, shared, finder, points)
     pairs = choose_partners(*shared_views(start, render), options.partners)
-    end = _settled(joint, pairs, _schedule(options), tell)
+    end = _settled(joint, pairs, _schedule(options, len(pairs)), tell)
     if isinstance(end, _Lone):
         again: Camera | None = None
         if not photos[end.number].sought_again:
@@ -87,11 +106,11 @@ def refine(
         if again is not None:
             others = [*photos]
             others[end.number] = _found_again(photos[end.number], again, options)
-            return refine(others, load_photo, render, options, tell)
+            return refine(others, load_photo, render, options, tell, elsewhere)
         kept = [k for k in range(len(cameras)) if k != end.number]
         rest = refine(
             [photos[k] for k in kept], lambda k, size: load_photo(kept[k], size), render, options,
-            tell,
+            tell, elsewhere and elsewhere.among(kept),
         )  # fmt: skip
         return rest.among(kept, cameras, {end.number: end.reason})
     if end.fit is None:
@@ -183,11 +202,13 @@ def _found_again(photo: PhotoStart, camera: Camera, options: RefineOptions) -> P
     )
 
 
-def _schedule(options: RefineOptions) -> list[tuple[Level, int]]:
+def _schedule(options: RefineOptions, pairs: int) -> list[tuple[Level, int]]:
     """(working size, most rounds there)."""
+    share = max(MOST_TIES // max(pairs, 1), LEAST_OF_PAIR)
+    coarse, fine = (Density(d.along, min(d.most, share)) for d in (COARSE, FINE))
     return [
-        (Level(options.working_px, COARSE), MOST_ROUNDS),
-        (Level(2 * options.working_px, FINE), FINE_ROUNDS),
+        (Level(options.working_px, coarse), MOST_ROUNDS),
+        (Level(2 * options.working_px, fine), FINE_ROUNDS),
     ]
 
 

@@ -1,18 +1,20 @@
-"""Ties of many pairs of photos, with one photo's pictures at a time and all processors."""
+"""Ties of many pairs of photos: what is sought, photo by photo, and the search itself."""
 
 from __future__ import annotations
 
 import os
+import uuid
 from collections import defaultdict, deque
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import count
 
 import numpy as np
 
 from texproj.arrays import Doubles
 from texproj.camera import Camera
-from texproj.register.joint.gray import GrayPhoto
+from texproj.register.joint.gray import GrayPhoto, GrayPhotos
 from texproj.register.joint.patches import (
     Density,
     Partner,
@@ -30,8 +32,8 @@ from texproj.solve.matching import SearchImage
 
 Pair = tuple[int, int]
 
-KEPT_GRAY, KEPT_SIGHTS, KEPT_PATCHES = 48, 48, 24
-"""Of how many photos the luma (4 MB), the depth (1.5 MB) and the patches (5 MB) stay in memory."""
+KEPT_SIGHTS, KEPT_PATCHES = 48, 24
+"""Of how many photos the depth (1.5 MB) and the patches (5 MB) stay in memory."""
 SIGHT_PX = 768
 """Longer side of the depth images that tell what a photo sees."""
 MOVED_PX = 3.0
@@ -48,99 +50,165 @@ class Level:
 
 
 @dataclass(frozen=True, eq=False)
-class _Chosen:
-    """Patches of a photo and the camera (full size) for which they were chosen."""
+class Reference:
+    """A camera (full size) for which something was rendered; number: another one for each."""
 
     camera: Camera
-    patches: SurfacePatches
+    number: int
+
+
+@dataclass(frozen=True, eq=False)
+class TieTask:
+    """All pairs of photo i: which others are sought in it. It says all that its outcome depends on,
+    so that it does not matter where it runs.
+
+    finder: a word for whom it is done; chosen: for which camera the patches of i are chosen; seen:
+    by partner, for which camera its depth is rendered; cameras: those of i and its partners now,
+    full size.
+    """
+
+    finder: str
+    i: int
+    chosen: Reference
+    seen: Mapping[int, Reference]
+    cameras: Mapping[int, Camera]
+    level: Level
+    radius_px: int
+
+
+Found = dict[Pair, TieSearch]
+Elsewhere = Callable[[Sequence[TieTask]], Iterator[Found]]
+"""What does tasks somewhere else: what each of them finds, in their order."""
 
 
 class TieFinder:
-    """Finds ties between photos; keeps what the next round needs again."""
+    """Finds ties between photos, round by round."""
 
-    def __init__(self, load_photo: LoadPhoto, render: Render, largest_px: int) -> None:
-        self._load, self._render, self._largest = load_photo, render, largest_px
-        self._gray: Kept[tuple[int, int], GrayPhoto] = Kept(2 * KEPT_GRAY)
-        self._sights: Kept[int, Sight] = Kept(KEPT_SIGHTS)
-        self._chosen: Kept[tuple[int, int], _Chosen] = Kept(KEPT_PATCHES)
+    def __init__(
+        self, load_photo: LoadPhoto, render: Render, largest_px: int,
+        elsewhere: Elsewhere | None = None,
+    ) -> None:  # fmt: skip
+        self._search = elsewhere or TieSearcher(load_photo, render, largest_px).search
+        self._sight_px = sight_px(largest_px)
+        self._name = uuid.uuid4().hex
+        self._numbers = count()
+        self._references: dict[tuple[int, int], Reference] = {}
 
     def find(
         self, cameras: Cameras, pairs: Sequence[Pair], level: Level, radius_px: int,
         points: Sequence[Doubles],
-    ) -> dict[Pair, TieSearch]:  # fmt: skip
+    ) -> Found:  # fmt: skip
         """Ties of the pairs (i, j), j sought in i, in full-size pixels. cameras: full size; points:
         by photo (n, 3) world points in its view, by which its motion is judged.
         """
-        longest = level.longest
-        for other in [key for key in self._chosen if key[1] != longest]:
-            del self._chosen[other]
         partners = defaultdict(list)
         for i, j in pairs:
             partners[i].append(j)
-        found: dict[Pair, TieSearch] = {}
-        workers = os.cpu_count() or 1
-        coming: deque[Future[dict[Pair, TieSearch]]] = deque()
-        with opencv_in_one_thread(), ThreadPoolExecutor(workers) as pool:
-            for i, others in partners.items():
-                if len(coming) >= workers:
-                    found |= coming.popleft().result()
-                gray = self._photo(i, longest)
-                patches = self._patches(i, cameras, level, points[i])
-                shown = {j: self._partner(j, cameras, longest) for j in others}
-                job = _Job(i, cameras, gray, patches, shown, radius_px, level.density.most)
-                coming.append(pool.submit(job.find))
-            for future in coming:
-                found |= future.result()
+        for k in {k for pair in pairs for k in pair}:
+            for size in {level.longest, self._sight_px}:
+                self._refer(k, cameras[k], size, points[k])
+        tasks = [self._task(i, others, cameras, level, radius_px) for i, others in partners.items()]
+        found: Found = {}
+        for part in self._search(tasks):
+            found |= part
         return {pair: found[pair] for pair in pairs}
 
-    def _photo(self, k: int, longest: int) -> GrayPhoto:
-        whole = self._gray.fetch(
-            (k, self._largest), lambda: GrayPhoto.of(self._load(k, self._largest))
-        )
-        return self._gray.fetch((k, longest), lambda: whole.reduced(longest))
+    def _task(
+        self, i: int, others: Sequence[int], cameras: Cameras, level: Level, radius_px: int
+    ) -> TieTask:
+        seen = {j: self._references[j, self._sight_px] for j in others}
+        chosen = self._references[i, level.longest]
+        now = {k: cameras[k] for k in (i, *others)}
+        return TieTask(self._name, i, chosen, seen, now, level, radius_px)
 
-    def _partner(self, k: int, cameras: Cameras, longest: int) -> Partner:
-        gray = self._photo(k, longest)
-        sight = self._sights.fetch(k, lambda: self._sight(k, cameras[k]))
-        return Partner(cameras[k].resized(gray.width, gray.height), gray, sight)
+    def _refer(self, k: int, camera: Camera, size: int, points: Doubles) -> None:
+        """What is rendered of a photo at a size is rendered anew once the photo has moved."""
+        known = self._references.get((k, size))
+        if known is not None:
+            before, now = (c.reduced(size).project(points)[0] for c in (known.camera, camera))
+            if np.nanmedian(np.linalg.norm(before - now, axis=1)) < MOVED_PX:
+                return
+        self._references[k, size] = Reference(camera, next(self._numbers))
+
+
+def sight_px(largest_px: int) -> int:
+    """Longer side of the depth images, for photos that are read at `largest_px`."""
+    return min(SIGHT_PX, largest_px)
+
+
+class TieSearcher:
+    """Does tasks; keeps what the next of them need again."""
+
+    def __init__(self, load_photo: LoadPhoto, render: Render, largest_px: int) -> None:
+        self._gray, self._render = GrayPhotos(load_photo, largest_px), render
+        self._sight_px = sight_px(largest_px)
+        self._sights: Kept[tuple[int, int], Sight] = Kept(KEPT_SIGHTS)
+        self._chosen: Kept[tuple[int, int], SurfacePatches] = Kept(KEPT_PATCHES)
+        self._longest = 0
+
+    def search(self, tasks: Sequence[TieTask]) -> Iterator[Found]:
+        """What each task finds, in their order, by all processors."""
+        workers = os.cpu_count() or 1
+        coming: deque[Future[Found]] = deque()
+        with opencv_in_one_thread(), ThreadPoolExecutor(workers) as pool:
+            for task in tasks:
+                if len(coming) >= workers:
+                    yield coming.popleft().result()
+                coming.append(pool.submit(self.prepared(task).find))
+            for future in coming:
+                yield future.result()
+
+    def prepared(self, task: TieTask) -> TieJob:
+        """A task with all pictures that it needs, so that any thread can do it."""
+        i, level = task.i, task.level
+        if level.longest != self._longest:
+            self._chosen.clear()
+            self._longest = level.longest
+        gray = self._gray.at(i, level.longest)
+        patches = self._patches(i, task.chosen, level)
+        shown = {j: self._partner(j, task) for j in task.seen}
+        return TieJob(i, task.cameras, gray, patches, shown, task.radius_px, level.density.most)
+
+    def _partner(self, k: int, task: TieTask) -> Partner:
+        gray, seen = self._gray.at(k, task.level.longest), task.seen[k]
+        sight = self._sights.fetch((k, seen.number), lambda: self._sight(k, seen.camera))
+        return Partner(task.cameras[k].resized(gray.width, gray.height), gray, sight)
 
     def _sight(self, k: int, camera: Camera) -> Sight:
-        gray = self._photo(k, SIGHT_PX)
+        gray = self._gray.at(k, self._sight_px)
         small = camera.resized(gray.width, gray.height)
-        return Sight.of(small, self._render(small), gray.mask, SIGHT_PX)
+        return Sight.of(small, self._render(small), gray.mask, self._sight_px)
 
-    def _patches(self, k: int, cameras: Cameras, level: Level, points: Doubles) -> SurfacePatches:
-        longest = level.longest
-        known = self._chosen.get((k, longest))
-        if known is not None:
-            small = known.camera.reduced(longest)
-            shift = small.project(points)[0] - cameras[k].reduced(longest).project(points)[0]
-            if not np.nanmedian(np.linalg.norm(shift, axis=1)) < MOVED_PX:
-                del self._chosen[k, longest]
-        chosen = self._chosen.fetch((k, longest), lambda: self._choose(k, cameras[k], level))
-        return replace(chosen.patches)  # a copy: the surface points that it makes go with it
+    def _patches(self, k: int, reference: Reference, level: Level) -> SurfacePatches:
+        key = k, reference.number
+        chosen = self._chosen.fetch(key, lambda: self._choose(k, reference, level))
+        return replace(chosen)  # a copy: the surface points that it makes go with it
 
-    def _choose(self, k: int, camera: Camera, level: Level) -> _Chosen:
-        gray = self._photo(k, level.longest)
-        small = camera.resized(gray.width, gray.height)
+    def _choose(self, k: int, reference: Reference, level: Level) -> SurfacePatches:
+        gray = self._gray.at(k, level.longest)
+        small = reference.camera.resized(gray.width, gray.height)
         images = self._render(small)
-        self._sights[k] = Sight.of(small, images, gray.mask, SIGHT_PX)
-        return _Chosen(camera, surface_patches(small, gray, images, level.density))
+        if level.longest == self._sight_px:  # the same picture tells what the photo sees
+            self._sights.fetch(
+                (k, reference.number),
+                lambda: Sight.of(small, images, gray.mask, self._sight_px),
+            )
+        return surface_patches(small, gray, images, level.density)
 
 
 @dataclass(frozen=True, eq=False)
-class _Job:
-    """All pairs of one photo."""
+class TieJob:
+    """All pairs of one photo, and the pictures that they need."""
 
     i: int
-    cameras: Cameras
+    cameras: Mapping[int, Camera]
     gray: GrayPhoto
     patches: SurfacePatches
     partners: dict[int, Partner]
     radius_px: int
     most: int
 
-    def find(self) -> dict[Pair, TieSearch]:
+    def find(self) -> Found:
         """The ties of each partner."""
         searched = SearchImage.of(gradient_field(self.gray.luma()), PATCH_PX, self.radius_px)
         full = self.cameras[self.i]

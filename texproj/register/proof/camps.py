@@ -7,6 +7,7 @@ edges do not bear out. Method: ours.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
@@ -50,14 +51,16 @@ def rulings(
     sure: those that the mesh's own edges bear out, which chance and agreement cannot.
     """
     camp = _camps(count, pairs)
-    size = {c: camp.count(c) for c in set(camp)}
+    size = Counter(camp)
     borne_out = {camp[k] for k in sure}
     against: dict[int, set[int]] = {k: set() for k in range(count)}
     for (i, j), found in pairs.items():
         if found.contradicts and camp[i] != camp[j]:
             against[i].add(j)
             against[j].add(i)
-    by_camp = {c: {n for k in range(count) if camp[k] == c for n in against[k]} for c in size}
+    by_camp: dict[int, set[int]] = {c: set() for c in size}
+    for k, others in against.items():
+        by_camp[camp[k]] |= others
     wrong, torn = set(), set()
     for c, others in by_camp.items():
         rival = max((camp[n] for n in others), key=lambda d: (d in borne_out, size[d]), default=c)
@@ -67,9 +70,10 @@ def rulings(
             wrong.add(c)
         elif size[c] < LARGER * size[rival]:
             torn.add(c)
+    own = _by_photo(count, pairs)
     return {
         k: replace(
-            _ruling(k, pairs, against[k]),
+            _ruling(own[k], against[k]),
             camp=size[camp[k]], refused=camp[k] in wrong, torn=camp[k] in torn,
         )
         for k in range(count)
@@ -84,8 +88,15 @@ def _camps(count: int, pairs: Mapping[Pair, Agreement]) -> list[int]:
     return [int(c) for c in connected_components(graph, directed=False)[1]]
 
 
-def _ruling(k: int, pairs: Mapping[Pair, Agreement], against: set[int]) -> Ruling:
-    own = {n: found for pair, found in pairs.items() if k in pair for n in pair if n != k}
+def _by_photo(count: int, pairs: Mapping[Pair, Agreement]) -> list[dict[int, Agreement]]:
+    """For each photo how it agrees with those it was compared with."""
+    own: list[dict[int, Agreement]] = [{} for _ in range(count)]
+    for (i, j), found in pairs.items():
+        own[i][j] = own[j][i] = found
+    return own
+
+
+def _ruling(own: Mapping[int, Agreement], against: set[int]) -> Ruling:
     told = [found for found in own.values() if found.tells]
     best = max(told, key=lambda found: found.share, default=Agreement(0, 0, 0.0))
     agree = tuple(sorted(n for n, found in own.items() if found.agrees))

@@ -1,0 +1,166 @@
+"""Pairs of photos through polarizers. Truth is a lump in the demo's studio, whose paint loses half
+of its light in either filter and whose mirrors lose none in the parallel one.
+"""
+
+import json
+import shutil
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from flash_caster import lump_mesh, waves
+from PIL import Image
+from plyfile import PlyData
+
+from texproj.appearance.polarized.differences import paired
+from texproj.camera import Camera, Intrinsics, Pose
+from texproj.cli import main
+from texproj.demo.sensor import Sensor, developed
+from texproj.demo.studio import Lamp, Made, Studio, Stuff
+from texproj.formats.cameras import cameras_json
+from texproj.formats.models import write_ply
+from texproj.records import CameraRecord
+
+PHOTOS, SIZE = 14, (160, 120)
+LAMP = np.array([0.05, -0.04, 0.01])
+COLORS = np.array([[0.5, 0.42, 0.35], [0.1, 0.18, 0.4]], np.float32)
+SLOPES = 0.5, 0.15
+"""Beckmann's: roughness .7, whose mirror drowns, and .39."""
+
+
+@dataclass(frozen=True)
+class Filtered(Stuff):
+    """Seen through a filter."""
+
+    crossed: bool = False
+
+    def reflects(self, base, wi, wo):
+        whole = super().reflects(base, wi, wo)
+        mirror = super().reflects(np.zeros_like(base), wi, wo)
+        return (whole - mirror) / 2 + (0 if self.crossed else mirror)
+
+
+def made_of(xyz):
+    """Stone and glossy paint."""
+    kind = (waves(xyz, 0.2, 1) > 0.3).astype(int)
+    return Made(COLORS[kind], kind)
+
+
+@pytest.fixture(scope="module")
+def polarized_project(tmp_path_factory):
+    """A lump under a flash; one photo has no partner, one file no photo."""
+    root, mesh = tmp_path_factory.mktemp("polarized") / "lump", lump_mesh(4)
+    (root / "mesh").mkdir(parents=True)
+    write_ply(root / "mesh/lump.ply", mesh.vertices, mesh.faces, None)
+    records = {}
+    for folder in ("photos", "photos-crossed"):
+        (root / folder).mkdir()
+        crossed = folder == "photos-crossed"
+        studio = Studio(mesh, [Filtered(s, crossed=crossed) for s in SLOPES], made_of)
+        for number in range(PHOTOS):
+            camera = all_over(number)
+            place = camera.pose.inverse.apply(LAMP[None])[0]
+            lamp = Lamp(place, 0.004, (1.1, 1.1, 1.1))
+            light = studio.photographed(camera, [lamp], np.zeros(3), number)
+            pixels = developed(light, Sensor(), np.random.default_rng([number, crossed]))
+            name = f"{number:02}.png"
+            Image.fromarray(pixels).save(root / folder / name)
+            records[name] = CameraRecord(
+                name, *SIZE, camera.intrinsics, camera.pose, "registered", "import"
+            )
+    (root / "photos-crossed/03.png").rename(root / "photos-crossed/99.png")
+    (root / "cameras.json").write_text(cameras_json(records.values()))
+    lamp = ", ".join(str(x) for x in LAMP)
+    (root / "project.toml").write_text(f'[light]\nkind = "polarized"\nlamp = [{lamp}]\n')
+    return root
+
+
+def all_over(number):
+    z = 0.95 - 1.9 * (number + 0.5) / PHOTOS
+    angle = number * np.pi * (3 - np.sqrt(5))
+    toward = np.array([np.sqrt(1 - z * z) * np.cos(angle), np.sqrt(1 - z * z) * np.sin(angle), z])
+    w, h = SIZE
+    return Camera(
+        Intrinsics(w, h, 2.1 * w, 2.1 * w, w / 2, h / 2), Pose.look_at(0.9 * toward, [0] * 3)
+    )
+
+
+def test_paint_and_mirror_come_apart(polarized_project, capsys):
+    """Paint from the crossed photos, to a tenth; the mirror of what is glossy, by the
+    difference; what has no partner is named, with what to do.
+    """
+    out = polarized_project / "out"
+
+    assert main(["appearance", str(polarized_project), "--json"]) == 1
+
+    told = json.loads(capsys.readouterr().out)
+    assert "photos-crossed; it is left out" in told["failed"]["03.png"]
+    assert any("99.png is ignored" in reason for reason in told["failed"].values())
+    light = json.loads((out / "light.json").read_text())
+    assert light["kind"] == "polarized"
+    assert light["accepted"], light["reason"]
+    assert light["verdict"]["gain_db"] > 1
+    vertex = PlyData.read(out / "appearance.ply")["vertex"]
+    base = np.stack([vertex[f"base_{c}"] for c in "rgb"], axis=1)
+    made = made_of(np.stack([vertex[k] for k in "xyz"], axis=1).astype(np.float32))
+    seen = vertex["confidence"] > 0.5
+    ratio = np.log(base[seen] / made.base[seen]).mean(axis=1)
+    assert np.median(np.abs(ratio - np.median(ratio))) < 0.1
+    scale = np.exp(np.median(ratio))
+    glossy = seen & (made.kind == 1)
+    assert 0.025 < np.median(vertex["mirrored"][glossy]) / scale < 0.06
+    rough = vertex["roughness"][glossy]
+    assert np.median(rough) == pytest.approx(0.39, abs=0.1)
+    materials = json.loads((out / "materials.json").read_text())
+    assert any(one["f0"] for one in materials)
+    assert b"KHR_materials_specular" in (out / "appearance.glb").read_bytes()
+    assert main(["appearance", str(polarized_project)]) == 1
+    said = capsys.readouterr().out
+    assert "fresh, kept" in said
+    assert "mirrors from what photos/ show beyond it" in said
+
+
+def test_swapped_folders_are_refused(polarized_project, tmp_path, capsys):
+    """Highlights are then where none may be."""
+    root = shutil.copytree(polarized_project, tmp_path / "swapped")
+    (root / "photos").rename(root / "other")
+    (root / "photos-crossed").rename(root / "photos")
+    (root / "other").rename(root / "photos-crossed")
+    (root / "photos/99.png").rename(root / "photos/03.png")
+
+    main(["appearance", str(root), "--json"])
+
+    light = json.loads(capsys.readouterr().out)["light"]
+    assert not light["accepted"]
+    assert "swap the folders" in light["reason"]
+
+
+def test_no_partner_at_all_is_an_error(polarized_project, tmp_path, capsys):
+    """With the folder that they belong into."""
+    root = shutil.copytree(polarized_project, tmp_path / "alone")
+    shutil.rmtree(root / "photos-crossed")
+
+    assert main(["appearance", str(root)]) == 2
+    assert "photos-crossed" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("unfiltered", [False, True])
+def test_the_difference_is_the_mirror(unfiltered):
+    """Whether the brighter photos had a filter or none: of paint of white under the same light."""
+    rng = np.random.default_rng(0)
+    paint = rng.uniform(0.1, 0.3, (900, 3)).astype(np.float32)
+    mirror = np.where(rng.random((900, 1)) > 0.5, rng.uniform(0, 0.3, (900, 1)), 0).astype(
+        np.float32
+    )
+    bright = (paint if not unfiltered else 2.5 * paint) + mirror
+    point, photo = np.arange(900) // 3, np.arange(900) % 3
+    exposure = np.array([1.0, 2.0, 0.5], np.float32)
+
+    found = paired(
+        (point, photo, bright), (point, photo, paint * exposure[photo, None]), exposure, each=False
+    )
+
+    lost = 2.5 if unfiltered else 2.0
+    expected = mirror * exposure[photo, None] / lost
+    assert found.mirrored == pytest.approx(np.repeat(expected, 3, 1), abs=2e-3)
+    assert not found.refusal

@@ -1,0 +1,189 @@
+"""Tasks on a Dask cluster of local processes: the same results, whatever becomes of a worker. With
+all stages, and one of three workers killed in each, that is tests/bench_cluster.py.
+"""
+
+import json
+import logging
+import os
+import sys
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scale_project import make_picked_project
+
+from texproj.cli import main
+from texproj.errors import InputError, RegistrationError, UsageError
+from texproj.project import Project
+from texproj.resources import cluster as clusters
+from texproj.resources.cluster import ClusterError, cluster_at
+from texproj.resources.workers import WorkerLostError
+from texproj.stages import sites
+from texproj.stages.bench import Workbench
+from texproj.stages.beside import searched_beside
+from texproj.stages.methods import Job, Search, search_as_asked
+from texproj.stages.sites import crew_of
+
+PHOTOS = 6
+
+
+def quiet(*_) -> None:
+    """Nobody asks to stop."""
+
+
+def search_of(job: Job) -> Search:
+    return search_as_asked(job, "points")
+
+
+def dies_once(job: Job, mark: str) -> Search:
+    """The first process that comes here ends."""
+    try:
+        Path(mark).touch(exist_ok=False)
+    except FileExistsError:
+        return search_of(job)
+    os._exit(9)
+
+
+def fails(job: Job) -> Search:
+    raise RegistrationError(f"{job.name}: no", approximate="a start")
+
+
+def process(_bench) -> int:
+    return os.getpid()
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory) -> Project:
+    return make_picked_project(tmp_path_factory.mktemp("cluster") / "many", PHOTOS)
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    with cluster_at("local:2") as cluster:
+        yield cluster
+
+
+@pytest.fixture
+def bench(project, cluster):
+    with crew_of(cluster, project) as crew, Workbench(project, crew) as bench:
+        yield bench
+
+
+@pytest.fixture
+def jobs(bench):
+    return [Job(bench, name, None, {}) for name in bench.project.photo_names]
+
+
+def same(there: Search, here: Search) -> bool:
+    a, b = there.fit, here.fit
+    return (
+        np.array_equal(a.covariance, b.covariance)
+        and np.array_equal(a.camera.pose.R, b.camera.pose.R)
+        and np.array_equal(a.camera.pose.t, b.camera.pose.t)
+        and a.camera.intrinsics == b.camera.intrinsics
+    )
+
+
+def test_what_workers_find_is_what_this_process_finds(bench, jobs, tmp_path):
+    """To the last bit, also where one of two workers ends in the middle of it."""
+    search = partial(dies_once, mark=str(tmp_path / "died"))
+    with searched_beside(bench, jobs, search, quiet) as found:
+        assert all(same(found(job), search_of(job)) for job in jobs)
+    assert (tmp_path / "died").exists()
+
+
+def test_an_error_of_a_search_is_that_of_its_photo(bench, jobs):
+    with searched_beside(bench, jobs, fails, quiet) as found:
+        with pytest.raises(RegistrationError, match=f"{jobs[0].name}: no") as error:
+            found(jobs[0])
+        assert error.value.approximate == "a start"
+
+
+def test_a_photo_at_which_workers_end_is_not_tried_here(bench, jobs, monkeypatch):
+    """What has ended several of them would end this process too."""
+
+    def lost(*_):
+        raise WorkerLostError
+
+    monkeypatch.setattr(clusters._Task, "result", lost)
+    with searched_beside(bench, jobs, fails, quiet) as found, pytest.raises(MemoryError):
+        found(jobs[0])
+
+
+def test_the_work_is_not_done_here(bench):
+    pending = [bench.crew.submit(process) for _ in range(6)]
+
+    assert os.getpid() not in {task.result(quiet) for task in pending}
+
+
+def test_a_folder_that_workers_do_not_see_is_told(cluster, project, monkeypatch):
+    monkeypatch.setattr(sites, "_looked_at", partial(sites._looked_at, Path("/nowhere")))
+    monkeypatch.setattr(cluster.__class__, "everywhere", lambda self, work, *_: {"here": work()})
+    with pytest.raises(InputError, match="same path"), crew_of(cluster, project):
+        pass
+
+
+def test_the_command_line_takes_a_cluster(project, cluster, monkeypatch, capsys, caplog):
+    """By its address: a scheduler that others have started. The log has its dashboard."""
+    monkeypatch.setattr(clusters.logging.getLogger("texproj"), "propagate", True)
+    address = cluster.client.scheduler_info()["address"]
+    with caplog.at_level(logging.INFO, logger="texproj"):
+        words = ["--method", "points", "--photos", "*0.png", "--cluster", address]
+        code = main(["register", str(project.root), *words])
+
+    assert code == 0 and "2 workers at tcp://" in capsys.readouterr().err
+    assert "/status" in caplog.text
+    assert len(project.load_cameras()) == 1
+
+
+def test_colors_are_the_same_to_the_last_byte(project_folder, cluster):
+    """Photos projected by workers, one of which meets a photo that cannot be read."""
+    told = json.loads((project_folder / "truth" / "cameras.json").read_text())
+    for photo in told["photos"]:
+        photo |= {"status": "registered", "method": "import"}
+    (project_folder / "cameras.json").write_text(json.dumps(told))
+    broken = project_folder / "photos" / told["photos"][0]["file"]
+    broken.write_bytes(broken.read_bytes()[:-3000])
+    written = []
+    for address in (cluster.client.scheduler_info()["address"], None):
+        where = ["--cluster", address] if address else []
+        assert main(["color", str(project_folder), "--to", "vertices", *where]) == 1
+        written.append((project_folder / "out" / "model.ply").read_bytes())
+        (project_folder / "out" / "model.ply").unlink()
+    record = Project.open(project_folder).load_record("color")
+
+    assert written[0] == written[1]
+    assert list(record["failed"]) == [broken.name]
+    assert not (project_folder / "work" / "points").exists()
+
+
+@pytest.mark.parametrize("address", ["local:0", "local:9999", "local", "host:8786", "tcp://host"])
+def test_an_address_that_is_none_is_told(address):
+    with pytest.raises(UsageError, match="give "), cluster_at(address):
+        pass
+
+
+def test_without_dask_the_pip_line_is_told(project, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+
+    assert main(["run", str(project.root), "--cluster", "local:2"]) == 2
+    assert "pip install distributed bokeh" in capsys.readouterr().err
+
+
+def test_nobody_answers(monkeypatch):
+    monkeypatch.setattr(clusters, "CONNECT_S", 0.2)
+    with (
+        pytest.raises(ClusterError, match="no Dask scheduler answers"),
+        cluster_at("tcp://[::1]:9"),
+    ):
+        pass
+
+
+def test_a_scheduler_that_is_lost(bench, jobs, cluster):
+    """The last test here: whoever waits is told, and nothing hangs."""
+    with searched_beside(bench, jobs, search_of, quiet) as found:
+        cluster.client.cluster.sync(cluster.client.cluster.scheduler.close)
+        with pytest.raises(ClusterError, match="what was done is kept"):
+            for job in jobs:
+                found(job)

@@ -1,0 +1,66 @@
+"""Whether a polarized flash is to be believed: crossed photos that were held out are predicted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from texproj.appearance.flash.observations import Observations
+from texproj.appearance.verdict import psnr
+from texproj.arrays import Doubles, Floats
+
+FEWEST = 200
+"""Observations of held-out photos below which nothing is told."""
+
+LEAST_GAIN_DB = 1.0
+"""Better than the plain color by which a flash is believed: chance gives a few tenths."""
+
+
+@dataclass(frozen=True)
+class PairVerdict:
+    """plain_db, lit_db: how well crossed photos that were held out are predicted by plain colors,
+    and by paint under the flash: PSNR as shown (sRGB), dB, each flash's output free. photos: how
+    many were held out.
+    """
+
+    accepted: bool
+    plain_db: float
+    lit_db: float
+    photos: int
+
+    @property
+    def gain_db(self) -> float:
+        """How much better than plain colors."""
+        return self.lit_db - self.plain_db
+
+    @property
+    def refusal(self) -> str:
+        """Why it is refused, in one sentence; empty where it is not."""
+        if self.accepted:
+            return ""
+        return (
+            f"the flash does not explain the crossed photos: those held out are predicted by"
+            f" {self.lit_db:.1f} dB, by plain colors {self.plain_db:.1f} and {LEAST_GAIN_DB:.1f}"
+            " more are asked for; photograph in a dark room, and say in [light] `lamp` where the"
+            " flash is, or leave `lamp` out where lamps stand still"
+        )
+
+
+def judged_pairs(test: Observations, plain: Floats, lit: Floats, photos: int) -> PairVerdict:
+    """The verdict on predictions (m, 3) of the observations of held-out photos."""
+    if len(test.point) < FEWEST:
+        return PairVerdict(False, 0.0, 0.0, photos)
+    decibels = [psnr(test.rgb.astype(np.float64), _exposed(test, told)) for told in (plain, lit)]
+    gain = decibels[1] - decibels[0]
+    return PairVerdict(bool(gain >= LEAST_GAIN_DB), decibels[0], decibels[1], photos)
+
+
+def _exposed(test: Observations, told: Floats) -> Doubles:
+    """Each photo's at its best exposure."""
+    out = told.astype(np.float64)
+    for photo in np.unique(test.photo):
+        rows = test.photo == photo
+        ratio = test.rgb[rows].sum(axis=1) / np.maximum(told[rows].sum(axis=1), 1e-6)
+        out[rows] *= np.median(ratio)
+    return out

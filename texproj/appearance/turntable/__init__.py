@@ -1,0 +1,1 @@
+"""Light that stays beside the camera while the object turns."""
