@@ -32,7 +32,7 @@ from texproj.formats.models import read_model
 TERMS = (0.05, -0.02, 0.004, -0.0006)
 ZOOM = 1.2
 """Focal length of the bent photos over that of the originals: their corners are all inside."""
-WIDE_SIZE, WIDE_RAD, WIDE_VIEWS, NEARER = (1600, 1200), np.radians(70), 8, 0.4
+WIDE_SIZE, WIDE_RAD, WIDE_VIEWS, NEARER = (1200, 900), np.radians(70), 6, 0.4
 NOISE = 2.0
 """Standard deviation of 8-bit values in the rendered pictures."""
 CENTER_OFF = (0.013, -0.008)

@@ -8,6 +8,7 @@ import threading
 import time
 import zipfile
 from contextlib import contextmanager
+from pathlib import Path
 
 import httpx
 import numpy as np
@@ -28,6 +29,7 @@ from texproj.records import CameraRecord
 from texproj.stages.attending import INTERNAL
 
 PHOTO = "0000.png"
+CHECKOUT = Path(__file__).resolve().parent.parent
 
 
 @pytest.fixture(scope="module")
@@ -674,6 +676,21 @@ def test_links_out_of_the_project_are_not_followed(own, tmp_path):
     assert page.get(f"/api/photos/{PHOTO}/picks").status_code == 403
     assert saved.status_code == 403
     assert secret.read_text() == "u,v,x,y,z\n"
+
+
+def test_a_model_that_draco_compressed_comes_open(own):
+    """The page gets the same model without the extension; one that is cut off is one sentence."""
+    root, page = own
+    (root / "out").mkdir()
+    sample = CHECKOUT / "tests/meshes/gltf-transform.glb"
+    (root / "out/model.glb").write_bytes(sample.read_bytes())
+    answer = page.get("/api/models/model.glb")
+    assert answer.status_code == 200
+    assert answer.content[:4] == b"glTF" and b"draco" not in answer.content
+    assert len(answer.content) > 2 * len(sample.read_bytes())
+    (root / "out/model.glb").write_bytes(sample.read_bytes()[:-500])
+    answer = page.get("/api/models/model.glb")
+    assert (answer.status_code, "damaged" in answer.text) == (422, True)
 
 
 def test_a_setting_names_only_what_is_in_the_project(own):

@@ -20,6 +20,8 @@ from starlette.routing import Route
 from watchfiles import awatch
 
 from texproj.errors import InputError, TexprojError, UsageError
+from texproj.formats.meshes.gltf_compressed import DRACO
+from texproj.formats.models.binary import required_extensions
 from texproj.preview import work
 from texproj.preview.colors import (
     MATERIAL,
@@ -51,6 +53,7 @@ from texproj.preview.picks import (
     save_picks,
 )
 from texproj.preview.places import places_facts
+from texproj.preview.plain_model import plain_glb
 from texproj.preview.proposals import SURE, Guess, proposals
 from texproj.preview.requests import body
 from texproj.preview.security import BodyTooLong, refuse
@@ -235,6 +238,8 @@ class Handlers:
         if name not in MODEL_FILES or not path.is_file():
             raise HTTPException(404, "no such model")
         inside(path, self.session.root)
+        if DRACO in required_extensions(path):
+            return Response(plain_glb(path), media_type=MODEL_FILES[name])
         return FileResponse(path, media_type=MODEL_FILES[name])
 
     def report(self, _: Request) -> Response:

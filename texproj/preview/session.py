@@ -18,7 +18,6 @@ from texproj.at_work import at_work
 from texproj.errors import OutputError, TexprojError
 from texproj.files import STAGING_PREFIX, json_hash
 from texproj.formats.models.binary import required_extensions
-from texproj.formats.models.draco import DRACO
 from texproj.formats.models.glb import IMAGE_EXTENSIONS
 from texproj.log import logged
 from texproj.mesh import MeshSource
@@ -226,18 +225,12 @@ def stamp(path: Path) -> str | None:
     return f"{stat.st_mtime_ns:x}-{stat.st_size:x}"
 
 
-NEED_DECODERS = {IMAGE_EXTENSIONS["ktx2"], DRACO}
-"""Extensions of glTF for which the page would need a decoder that it does not bring."""
-
-
 def shown_stamp(path: Path, root: Path) -> str | None:
-    """`stamp` of a model that the page can show: not one with images in KTX 2 or compressed by
-    Draco, nor a link.
-    """
+    """`stamp` of a model that the page can show: not one with images in KTX 2, nor a link."""
     if leaves(path, root):
         return None
     try:
-        hidden = bool(NEED_DECODERS & set(required_extensions(path)))
+        hidden = IMAGE_EXTENSIONS["ktx2"] in required_extensions(path)
     except OSError:
         return None
     return None if hidden else stamp(path)

@@ -34,7 +34,12 @@ from texproj.stages.writing import OutputPlan, write_texture
 
 if TYPE_CHECKING:
     from texproj.appearance.flash.pooled import Pooled
-    from texproj.appearance.recovered import Appearance, FlashLight, PolarizedLight
+    from texproj.appearance.recovered import (
+        Appearance,
+        FlashLight,
+        NaturalLight,
+        PolarizedLight,
+    )
 
 PLY, GLB, LIGHT, MATERIALS = "appearance.ply", "appearance.glb", "light.json", "materials.json"
 BASE, ROUGHNESS, METALLIC, CONFIDENCE = "base_color", "roughness", "metallic", "confidence"
@@ -219,11 +224,18 @@ def _room_facts(appearance: Appearance) -> dict[str, Any]:
 
 
 def _sky_facts(appearance: Appearance) -> dict[str, Any]:
-    from texproj.appearance.recovered import NaturalLight  # noqa: PLC0415 - slow to load
+    from texproj.appearance.recovered import DaysLight, NaturalLight  # noqa: PLC0415
 
     light = appearance.light
+    if isinstance(light, DaysLight):
+        days = {name: _sky(day) for name, day in light.days.items()}
+        return {"sun": None, "sun_irradiance": None, "sky": None, "days": days}
     if not isinstance(light, NaturalLight):
         return {"sun": None, "sun_irradiance": None, "sky": None}
+    return _sky(light)
+
+
+def _sky(light: NaturalLight) -> dict[str, Any]:
     return {
         "sun": None if light.to_sun is None else light.to_sun.tolist(),
         "sun_irradiance": None if light.sun is None else light.sun.tolist(),

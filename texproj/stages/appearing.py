@@ -105,8 +105,10 @@ def light_lines(light: dict[str, Any]) -> Iterator[str]:
         )
         yield f"base color: {known_as(light)}"
         return
-    sun = light["sun"]
-    if sun is None:
+    sun, days = light["sun"], light.get("days", {})
+    if days:
+        yield f"light: that of {len(days)} days, {', '.join(days)}, each of its own"
+    elif sun is None:
         yield "light: a sky, no sun"
     else:
         x, y, z = sun

@@ -25,7 +25,7 @@ from texproj.stages.freshness import Inputs, file_inputs
 if TYPE_CHECKING:
     from texproj.appearance.flash.lamp import Lamp
     from texproj.appearance.recovered import Appearance
-    from texproj.appearance.turntable.sightings import Readings
+    from texproj.appearance.sightings import Readings
     from texproj.color.sampling.photo_set import PhotoSet
     from texproj.resources.scratch import Scratch
     from texproj.stages.progress import Progress
@@ -49,13 +49,9 @@ class PhotoPairs:
     def without(self, names: Collection[str]) -> PhotoPairs:
         """The pairs but those of some photos, which cannot be read."""
         rows = [n for n, name in enumerate(self.crossed.names) if name not in names]
-        parallel, crossed = _some(self.parallel, rows), _some(self.crossed, rows)
+        left = [name for name in self.crossed.names if name not in names]
+        parallel, crossed = self.parallel.subset(left), self.crossed.subset(left)
         return PhotoPairs(parallel, crossed, self.exposure[rows], self.failed)
-
-
-def _some(photos: PhotoSet, rows: list[int]) -> PhotoSet:
-    names, cameras = tuple(photos.names[n] for n in rows), tuple(photos.cameras[n] for n in rows)
-    return replace(photos, names=names, cameras=cameras)
 
 
 def photo_pairs(project: Project, cameras: Mapping[str, Camera]) -> PhotoPairs:
@@ -140,7 +136,7 @@ def with_mirrors(
 
 
 def _readings(bench: Workbench, photos: PhotoSet, scratch: Scratch, progress: Progress) -> Readings:
-    from texproj.appearance.turntable.sightings import Readings  # noqa: PLC0415 - slow to load
+    from texproj.appearance.sightings import Readings  # noqa: PLC0415 - slow to load
 
     def tell(done: int) -> None:
         progress("mirrors", done, len(photos), "")

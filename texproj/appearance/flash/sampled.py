@@ -167,6 +167,12 @@ class FlashSamples:
         shadows = shadows_of(mesh)
         return cls(points, read.samples, beside.white, flashes, shadows, reasons(read.failed))
 
+    def observations(self, chunk: int, rows: slice, flashes: Flashes, lamp: Lamp) -> Observations:
+        """What the photos say of some points of a chunk."""
+        surfel = self.points.surfel(chunk)
+        part = Surfel(surfel.xyz[rows], surfel.normal[rows])
+        return observe(part, self.read(chunk, rows), flashes, lamp, self.shadows)
+
     def read(self, chunk: int, rows: slice) -> Shown:
         """What the photos show of some points of a chunk."""
         stack = self.store.read(chunk, rows)

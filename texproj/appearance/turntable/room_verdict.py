@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from texproj.appearance.sightings import Sightings
 from texproj.appearance.turntable.room_fit import albedo_of
-from texproj.appearance.turntable.sightings import Sightings
 from texproj.appearance.verdict import psnr
 from texproj.arrays import Bools, Doubles
 

@@ -14,6 +14,7 @@ from texproj.appearance.harmonics import OPEN_GAINS, basis
 from texproj.appearance.light_fit import GLOSS, MEAN_ALBEDO
 from texproj.appearance.natural import Chart, base_color
 from texproj.appearance.recovered import Appearance, TurntableLight, untold
+from texproj.appearance.sightings import Readings, Sightings, point_means
 from texproj.appearance.sun import spiral
 from texproj.appearance.transfer import LightCaster
 from texproj.appearance.turntable.around import AroundNodes
@@ -28,7 +29,6 @@ from texproj.appearance.turntable.room_verdict import (
     judged,
 )
 from texproj.appearance.turntable.search import Lit, find_lamps
-from texproj.appearance.turntable.sightings import Readings, Sightings, point_means
 from texproj.arrays import Bools, Doubles, Floats, Index
 from texproj.color.filling.vertices import fill_vertices
 from texproj.color.sampling.photo_set import PhotoSet
