@@ -181,12 +181,6 @@ class FlashSamples:
         cut[np.searchsorted(stack.photos, part.photos)] = part.rgb > SOME
         return Shown(stack.photos, stack.rgb, stack.weight, cut | (stack.rgb >= CLIPPED))
 
-    def observations(self, chunk: int, rows: slice, flashes: Flashes, lamp: Lamp) -> Observations:
-        """What the photos say of some points of a chunk."""
-        surfel = self.points.surfel(chunk)
-        part = Surfel(surfel.xyz[rows], surfel.normal[rows])
-        return observe(part, self.read(chunk, rows), flashes, lamp, self.shadows)
-
 
 def shadows_of(mesh: Mesh) -> LampShadows:
     """Where the mesh keeps light off itself."""
