@@ -157,15 +157,20 @@ def _image(mi: Any, page: Any, raw: bool) -> dict[str, Any]:
 
 
 def _shape(mi: Any, surface: LitSurface, rows: Any, bsdf: dict[str, Any]) -> Any:
-    """Some faces (F,) of the model, with the vertices that they use."""
+    """Some faces (F,) of the model, with the vertices that they use; one that lies at several
+    places of the texture is several.
+    """
     model = surface.model
-    used, faces = np.unique(model.faces[rows], return_inverse=True)
+    vertex, texel = model.faces[rows].ravel().astype(np.int64), np.zeros(3 * rows.sum(), np.int64)
+    if isinstance(model, TexturedMesh):
+        texel = model.uv_faces[rows].ravel().astype(np.int64)
+    pairs, faces = np.unique(vertex + len(model.vertices) * texel, return_inverse=True)
+    texel, used = np.divmod(pairs, len(model.vertices))
     properties = mi.Properties()
     properties["bsdf"] = mi.load_dict({"type": "twosided", "inner": bsdf})
-    textured = isinstance(model, TexturedMesh)
     shape = mi.Mesh(
         "piece", len(used), int(rows.sum()), props=properties, has_vertex_normals=True,
-        has_vertex_texcoords=textured,
+        has_vertex_texcoords=isinstance(model, TexturedMesh),
     )  # fmt: skip
     values = {
         "color": surface.base_of_vertex, "roughness": surface.roughness,
@@ -178,8 +183,7 @@ def _shape(mi: Any, surface: LitSurface, rows: Any, bsdf: dict[str, Any]) -> Any
     parameters["vertex_normals"] = surface.normals[used].astype(np.float32).ravel()
     parameters["faces"] = faces.astype(np.uint32).ravel()
     if isinstance(model, TexturedMesh):
-        down = np.zeros((len(model.vertices), 2), np.float32)
-        down[model.faces.ravel()] = model.uv[model.uv_faces.ravel()] * (1, -1) + (0, 1)
-        parameters["vertex_texcoords"] = down[used].ravel()
+        down = model.uv[texel] * (1, -1) + (0, 1)
+        parameters["vertex_texcoords"] = down.astype(np.float32).ravel()
     parameters.update()
     return shape
