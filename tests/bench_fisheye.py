@@ -32,7 +32,7 @@ from texproj.formats.models import read_model
 TERMS = (0.05, -0.02, 0.004, -0.0006)
 ZOOM = 1.2
 """Focal length of the bent photos over that of the originals: their corners are all inside."""
-WIDE_SIZE, WIDE_RAD, WIDE_VIEWS, NEARER = (1200, 900), np.radians(70), 6, 0.4
+WIDE_SIZE, WIDE_RAD, WIDE_VIEWS, NEARER = (1600, 1200), np.radians(70), 8, 0.4
 NOISE = 2.0
 """Standard deviation of 8-bit values in the rendered pictures."""
 CENTER_OFF = (0.013, -0.008)
@@ -146,7 +146,9 @@ def wide(scene: Path, folder: Path) -> list[dict]:
         t = -R @ (target + NEARER * (center - target))
         made = entry(f"wide_{number}.png", WIDE_SIZE, float(f), R, t)
         image = caster.picture(made) + rng.normal(0, NOISE, (WIDE_SIZE[1], WIDE_SIZE[0], 3))
-        cv2.imwrite(str(folder / "photos" / made["file"]), np.round(image).clip(0, 255))
+        cv2.imwrite(
+            str(folder / "photos" / made["file"]), np.round(image).clip(0, 255).astype(np.uint8)
+        )
         truth.append(made)
     return truth
 

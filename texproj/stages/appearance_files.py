@@ -193,7 +193,7 @@ def light_facts(
     if kind == "turntable":
         return told | _room_facts(appearance)
     if kind == "polarized":
-        return told | _sky_facts(appearance) | _room_facts(appearance) | _output(appearance)
+        return told | _room_facts(appearance) | _sky_facts(appearance) | _output(appearance)
     return told | _sky_facts(appearance)
 
 

@@ -116,9 +116,11 @@ def crossed_inputs(project: Project) -> Inputs:
 
 
 def with_mirrors(
-    bench: Workbench, pairs: PhotoPairs, appearance: Appearance, progress: Progress
+    bench: Workbench, pairs: PhotoPairs, appearance: Appearance, blend: Floats, progress: Progress
 ) -> Appearance:
-    """An appearance that the crossed photos told, with what is mirrored beside it."""
+    """An appearance that the crossed photos told, with what is mirrored beside it; blend: (V, 3)
+    their colors, which stay where the two sets are no pairs.
+    """
     from texproj.appearance.polarized.soft_mirror import pairs_of, with_mirror  # noqa: PLC0415
     from texproj.resources.scratch import Scratch  # noqa: PLC0415
 
@@ -131,7 +133,8 @@ def with_mirrors(
         )
         refusal = pairs_of(parallel, crossed, pairs.exposure).refusal
         if refusal:
-            return replace(appearance, accepted=False, reason=refusal, light=None, irradiance=None)
+            refused = replace(appearance, accepted=False, reason=refusal, light=None)
+            return replace(refused, base=np.clip(blend, 0, 1), irradiance=None, absolute=False)
         return with_mirror(bench.mesh, appearance, parallel, crossed, pairs.exposure)
 
 

@@ -225,7 +225,7 @@ def _polarized(
         blend = colors.rgb, colors.weight > 0
         return by_polarized_flash(bench, pairs, lamp_of(bench.project), blend, progress)
     found = _by_lamps_or_sky(bench, colors, pairs.crossed, progress)
-    return with_mirrors(bench, pairs, found, progress)
+    return with_mirrors(bench, pairs, found, colors.rgb, progress)
 
 
 def _gloss_of(project: Project) -> float:
