@@ -1,39 +1,54 @@
 """How well light is told from paint: photographs by Mitsuba, and real ones.
 
     pip install mitsuba
-    python tests/bench_appearance.py                       # synthetic: about 10 minutes
-    python tests/bench_appearance.py --photos 20 --samples 48
+    python tests/bench_appearance.py                       # natural light: about 12 minutes
+    python tests/bench_appearance.py --what turntable      # about 12 minutes
+    python tests/bench_appearance.py --gold                # metal, which must not come out worse
     python tests/bench_appearance.py --real PROJECT ...    # real photos, registered
 
 Of synthetic sets it prints CIEDE2000 of the base color, median and 90 %, against the true albedo
-as a pixel averages it, over points that at least 3 photos see: at the best common scale, and with
-the tint known (the best scale per channel); cavities see less than 70 % of the sky. Of real ones
-it prints the verdict, and the suns that each half of the photos tells.
+as a vertex averages it, over points that at least 3 photos see: at the best common scale, and with
+the tint known (the best scale per channel); cavities see less than 70 % of the sky. "true light" is
+what the blend gives on the same mesh when the light is not found but known: what is left then is
+the mesh's and the photos'. Relit: the piece by a lamp, drawn by Mitsuba with these colors on the
+scan, against the true one. Of real photos it prints the verdict, and the suns that each half of
+them tells.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from appearance_scenes import Set, natural_set
+from appearance_scenes import Set, natural_set, sky_image, turntable_set
+from bench_flash import psnr
+from flash_scenes import DarkRoom, Shot, Truth
 from photo_sets import photo_set as photos_of
 from skimage.color import deltaE_ciede2000
 
-from texproj.appearance.natural import natural_appearance
+from texproj.appearance.natural import base_color, natural_appearance
+from texproj.appearance.recovered import Appearance
 from texproj.appearance.sun import angle_deg
+from texproj.appearance.transfer import LightCaster
+from texproj.appearance.turntable.turned import Blended, turntable_appearance
 from texproj.color.checker.fit import lab_of_srgb
 from texproj.color.result import VertexColors
 from texproj.color.sampling.photo_set import PhotoSet
 from texproj.color.vertices import color_vertices
+from texproj.demo.pattern import painted
 from texproj.mesh import Mesh
 from texproj.options import ColorOptions, RenderOptions
 from texproj.photo import LUMINANCE, Photo, PhotoInfo
 from texproj.project import Project
 from texproj.render import ambient_occlusion, open_renderer
+from texproj.render.directions import cosine_directions
 from texproj.stages.coloring import photo_set, usable_cameras
+
+LAMPS = ((0.5, 0.6), (-0.9, 0.2))
+"""Azimuth from the camera's and elevation, radians, of lamps that relight the piece."""
 
 SCALES = np.exp(np.linspace(-1.5, 1.5, 61))
 CAVITY = 0.7
@@ -42,7 +57,8 @@ CAVITY = 0.7
 def blended(mesh: Mesh, photos: PhotoSet) -> VertexColors:
     """What the stage works on."""
     with open_renderer(RenderOptions()) as renderer:
-        return color_vertices(mesh, photos, renderer, ColorOptions(to="vertices", highlight=1))
+        options = ColorOptions(to="vertices", highlight=1, occluders=False)
+        return color_vertices(mesh, photos, renderer, options)
 
 
 def off(found, truth, tint_known):
@@ -56,34 +72,115 @@ def off(found, truth, tint_known):
     return min(tried, key=np.median)
 
 
-def synthetic(kind: str, weather: str, photos: int, samples: int, gold: bool) -> None:
-    """One line of the table for the blend and one for the base color."""
+def told(name: str, made: Set, rgb, seen, cavity, sure) -> None:
+    """One line of the table."""
+    one, tint = (off(rgb[seen], made.albedo[seen], known) for known in (False, True))
+    p90 = [np.percentile(x, 90) for x in (one, tint)]
+    print(
+        f"{name:10} one scale {np.median(one):5.2f} / {p90[0]:5.2f}   tint known"
+        f" {np.median(tint):5.2f} / {p90[1]:5.2f}   cavities {np.median(tint[cavity]):5.2f}"
+        f"   surer half {np.median(tint[sure]):5.2f}"
+    )
+
+
+def under_true_light(made: Set, colors: VertexColors):
+    """(V, 3) what the blend reflects of the light that was there."""
+    caster, rays = LightCaster(made.mesh, colors.rgb), 96
+    sky = sky_image(replace(made.light, sun=(0.0, 0.0, 0.0)))
+    height, width = sky.shape[:2]
+    shifts = np.random.default_rng(0).random((len(colors.rgb), 2), np.float32)
+    light = np.empty_like(colors.rgb)
+    for start in range(0, len(light), 4096):
+        rows = np.arange(start, min(start + 4096, len(light)))
+        d = cosine_directions(caster.normals[rows], shifts[rows], rays).reshape(-1, 3)
+        free, arriving = caster._arriving(rows, d)
+        row = np.arccos(np.clip(d[:, 1], -1, 1)) / np.pi * height
+        column = np.arctan2(d[:, 0], -d[:, 2]) % (2 * np.pi) / (2 * np.pi) * width
+        seen = sky[row.astype(int).clip(0, height - 1), column.astype(int).clip(0, width - 1)]
+        light[rows] = (seen * free[:, None] + arriving).reshape(-1, rays, 3).mean(axis=1)
+    if any(made.light.sun):
+        sun = caster.sun(np.arange(len(light)), made.light.to_sun, 8)
+        light += sun[:, None] * np.asarray(made.light.sun, np.float32)
+    return base_color(colors.rgb / np.maximum(light, 0.01))
+
+
+def relit(made: Set, albedo, found, blend) -> None:
+    """PSNR of the piece by lamps elsewhere, each color at its best scale; albedo: of the truth."""
+    lamps = []
+    for turn, (azimuth, elevation) in enumerate(LAMPS):
+        camera = list(made.cameras.values())[5 * turn]
+        away = camera.center - made.mesh.center
+        around = np.arctan2(away[1], away[0]) + azimuth
+        toward = [np.cos(elevation) * np.cos(around), np.cos(elevation) * np.sin(around)]
+        place = made.mesh.center + 1.5 * made.mesh.diagonal * np.array([*toward, np.sin(elevation)])
+        lamps.append((camera, place))
+    power = 0.7 * np.pi * (1.5 * made.mesh.diagonal) ** 2
+
+    def drawn(mesh: Mesh, rgb) -> list[np.ndarray]:
+        flat = np.zeros(len(rgb), np.float32)
+        room = DarkRoom(mesh, Truth(np.clip(rgb, 0.003, 0.99), flat + 0.7, flat, flat))
+        return [room.taken(camera, place, power, 16, 5) for camera, place in lamps]
+
+    shots = [Shot(*lamp, power, x) for lamp, x in zip(lamps, drawn(made.true, albedo), strict=True)]
+    line = []
+    truth = made.albedo
+    for name, rgb in (("truth", truth), ("base", found), ("blend", blend)):
+        scale = np.median(truth, axis=0) / np.median(np.maximum(rgb, 1e-3), axis=0)
+        line.append(f"{name} {psnr(shots, drawn(made.mesh, rgb * scale)):.1f}")
+    print(f"relit, tint known, dB: {', '.join(line)}")
+
+
+def natural(kind: str, weather: str, photos: int, samples: int, gold: bool) -> None:
+    """The lines of a set in natural light."""
     made: Set = natural_set(kind, weather, photos, samples, gold)
-    cameras = list(made.cameras.values())
-    shots = [Photo(PhotoInfo(n, *x.shape[1::-1]), x) for n, x in made.photos.items()]
-    colors = blended(made.mesh, photos_of(cameras, shots))
+    shots = shots_of(made)
+    colors = blended(made.mesh, shots)
     start = time.process_time()
     found = natural_appearance(made.mesh, colors.rgb, colors.weight > 0)
     seconds = time.process_time() - start
-    seen = colors.photo_count >= 3
-    cavity = ambient_occlusion(made.mesh)[seen] < CAVITY
-    sure = found.confidence[seen] >= np.median(found.confidence[seen])
     print(f"\n{kind}, {weather}: {found.reason or 'accepted'} {found.verdict}")
     light = found.light
     if light is not None and light.to_sun is not None:
         print(f"sun {angle_deg(light.to_sun, made.light.to_sun):.2f} degrees off")
     else:
         print("no sun")
-    print(f"{seconds:.1f} s of CPU for {len(seen)} points")
-    for name, rgb in (("blend", colors.rgb), ("base", found.base)):
-        one = off(rgb[seen], made.albedo[seen], False)
-        tint = off(rgb[seen], made.albedo[seen], True)
-        p90 = [np.percentile(x, 90) for x in (one, tint)]
-        print(
-            f"{name:6} one scale {np.median(one):5.2f} / {p90[0]:5.2f}   tint known"
-            f" {np.median(tint):5.2f} / {p90[1]:5.2f}   cavities {np.median(tint[cavity]):5.2f}"
-            f"   surer half {np.median(tint[sure]):5.2f}"
-        )
+    print(f"{seconds:.1f} s of CPU for {len(colors.rgb)} points")
+    three = lines(made, colors, found)
+    told("true light", made, under_true_light(made, colors), *three)
+    if not gold:
+        relit(made, painted(3)(made.true.vertices.astype(np.float32)), found.base, colors.rgb)
+
+
+def lines(made: Set, colors: VertexColors, found: Appearance):
+    """Those of the blend and of the base color; which points are seen, in cavities, and surer."""
+    seen = colors.photo_count >= 3
+    cavity = ambient_occlusion(made.mesh)[seen] < CAVITY
+    sure = found.confidence[seen] >= np.median(found.confidence[seen])
+    told("blend", made, colors.rgb, seen, cavity, sure)
+    told("base", made, found.base, seen, cavity, sure)
+    return seen, cavity, sure
+
+
+def turned(kind: str, photos: int, samples: int) -> None:
+    """The lines of a set on a turntable, which is to be told by itself."""
+    made = turntable_set(kind, photos, samples)
+    shots = shots_of(made)
+    colors = blended(made.mesh, shots)
+    start = time.process_time()
+    blend = Blended(colors.rgb, colors.weight > 0)
+    with open_renderer(RenderOptions()) as renderer:
+        found = turntable_appearance(made.mesh, shots, renderer, blend, True, lambda *_: None)
+    seconds = time.process_time() - start
+    print(f"\n{kind}, turntable: {found.reason or 'accepted'} {found.verdict}")
+    print(f"{seconds:.1f} s of CPU for {len(colors.rgb)} points, {photos} photos")
+    lines(made, colors, found)
+    relit(made, painted(3)(made.true.vertices.astype(np.float32)), found.base, colors.rgb)
+
+
+def shots_of(made: Set) -> PhotoSet:
+    """Its photos."""
+    shots = [Photo(PhotoInfo(n, *x.shape[1::-1]), x) for n, x in made.photos.items()]
+    return photos_of(list(made.cameras.values()), shots)
 
 
 def real(root: Path) -> None:
@@ -104,17 +201,20 @@ def real(root: Path) -> None:
 def main() -> None:
     """All that is asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--photos", type=int, default=12)
-    parser.add_argument("--samples", type=int, default=16)
+    parser.add_argument("--what", choices=("natural", "turntable"), default="natural")
+    parser.add_argument("--photos", type=int)
+    parser.add_argument("--samples", type=int)
     parser.add_argument("--gold", action="store_true", help="metal, which it is not made for")
     parser.add_argument("--real", type=Path, nargs="*", default=[])
     asked = parser.parse_args()
     for root in asked.real:
         real(root)
-    if not asked.real:
-        for kind in ("stele", "capital"):
-            for weather in ("sun", "cloudy"):
-                synthetic(kind, weather, asked.photos, asked.samples, asked.gold)
+    for kind in () if asked.real else ("stele", "capital"):
+        if asked.what == "turntable":
+            turned(kind, asked.photos or 24, asked.samples or 24)
+            continue
+        for weather in ("sun", "cloudy"):
+            natural(kind, weather, asked.photos or 12, asked.samples or 16, asked.gold)
 
 
 if __name__ == "__main__":

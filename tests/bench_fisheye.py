@@ -146,7 +146,9 @@ def wide(scene: Path, folder: Path) -> list[dict]:
         t = -R @ (target + NEARER * (center - target))
         made = entry(f"wide_{number}.png", WIDE_SIZE, float(f), R, t)
         image = caster.picture(made) + rng.normal(0, NOISE, (WIDE_SIZE[1], WIDE_SIZE[0], 3))
-        cv2.imwrite(str(folder / "photos" / made["file"]), np.round(image).clip(0, 255))
+        cv2.imwrite(
+            str(folder / "photos" / made["file"]), np.round(image).clip(0, 255).astype(np.uint8)
+        )
         truth.append(made)
     return truth
 

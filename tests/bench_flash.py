@@ -10,7 +10,10 @@ Of each set it prints CIEDE2000 of the base color, median and 90 %, over vertice
 photos see, of the blend at its best scale and of the result as it is; how often metals are told;
 the mean error of roughness where it is below .6; and photos rendered anew, by Mitsuba on the scan
 with what was found: 6 under the flash and 6 under a lamp elsewhere, beside those with a matte
-surface and with the truth. MITSUBA_VARIANT=llvm_ad_rgb is several times faster where LLVM fits.
+surface and with the truth, by the random numbers of the photos, so that the renderer's noise is in
+none of the differences. Then the same from texture pages, with the normals of the mesh and with
+those that the photos tell (numbers of its own, whose noise alone is 36 dB).
+MITSUBA_VARIANT=llvm_ad_rgb is several times faster where LLVM fits.
 """
 
 from __future__ import annotations
@@ -18,25 +21,40 @@ from __future__ import annotations
 import argparse
 import resource
 import time
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from flash_caster import INTENSITY as LUMP_INTENSITY
 from flash_caster import LAMP as LUMP_LAMP
 from flash_caster import lump
-from flash_scenes import LAMP, DarkRoom, FlashSet, Shot, Truth, flash_set
+from flash_scenes import (
+    LAMP,
+    SHOT_SAMPLES,
+    SHOT_SEED,
+    DarkRoom,
+    FlashSet,
+    Shot,
+    Truth,
+    flash_set,
+)
 from photo_sets import photo_set as photos_of
 from scipy.spatial import cKDTree
 from skimage.color import deltaE_ciede2000
 
 from texproj.appearance.flash.closed_form import fit_lambert
+from texproj.appearance.flash.flash_pages import Given, SurfacePages, flash_pages
 from texproj.appearance.flash.lamp import Lamp
 from texproj.appearance.flash.recover import Blend, flash_appearance
 from texproj.appearance.recovered import Appearance
+from texproj.appearance.relight import Illumination, LitSurface, traced_pictures
+from texproj.appearance.relight import Lamp as RoomLamp
 from texproj.color.checker.fit import lab_of_srgb
+from texproj.color.result import VertexColors, textured_mesh
+from texproj.color.texture import color_texture
 from texproj.color.vertices import color_vertices
 from texproj.mesh import Mesh
-from texproj.options import ColorOptions, RenderOptions
+from texproj.options import ColorOptions, RenderOptions, UnwrapOptions
 from texproj.photo import Photo, PhotoInfo, srgb_from_linear
 from texproj.render import open_renderer
 
@@ -44,8 +62,20 @@ SETS = (("capital", "glazed", 4, True), ("stele", "gilded", 3, False))
 SCALES = np.exp(np.linspace(-1.5, 1.5, 61))
 
 
-def surface_of(mesh, cameras, pictures, lamp):
-    """The appearance, the blend, and seconds of processor time of the former."""
+@dataclass(frozen=True, eq=False)
+class Told:
+    """appearance; colors: the blend; pages: of the texture, None unless asked for; seconds: of
+    processor time for the appearance of the vertices.
+    """
+
+    appearance: Appearance
+    colors: VertexColors
+    pages: SurfacePages | None
+    seconds: float
+
+
+def surface_of(mesh, cameras, pictures, lamp, textured=False) -> Told:
+    """What the photos tell."""
     shots = [Photo(PhotoInfo(str(k), *x.shape[1::-1]), x) for k, x in enumerate(pictures)]
     photos = photos_of(cameras, shots)
     with open_renderer(RenderOptions()) as renderer:
@@ -54,7 +84,13 @@ def surface_of(mesh, cameras, pictures, lamp):
         start = time.process_time()
         blend = Blend(colors.rgb, colors.weight > 0)
         found = flash_appearance(mesh, photos, renderer, lamp, blend, lambda *_: None)
-    return found, colors, time.process_time() - start
+        seconds, pages = time.process_time() - start, None
+        if textured:
+            options = replace(options, to="texture")
+            texture = color_texture(mesh, photos, renderer, options, UnwrapOptions())
+            given = Given(mesh, texture, np.ones(len(mesh.vertices), np.float32))
+            pages = flash_pages(given, photos, renderer, found)
+    return Told(found, colors, pages, seconds)
 
 
 def off(found, truth):
@@ -62,14 +98,32 @@ def off(found, truth):
     return deltaE_ciede2000(lab_of_srgb(np.clip(found, 0, 1)), lab_of_srgb(truth))
 
 
-def told(name: str, error: np.ndarray) -> str:
+def median_and_90(name: str, error: np.ndarray) -> str:
     return f"{name} {np.median(error):.2f} / {np.percentile(error, 90):.2f}"
 
 
 def anew(scan: Mesh, truth: Truth, shots: list[Shot], glossy: bool = True) -> list[np.ndarray]:
     """The held-out photos of a surface."""
     room = DarkRoom(scan, truth, 0.5 if glossy else 0.0)
-    return [room.taken(s.camera, s.lamp, s.intensity, 16, 7) for s in shots]
+    return [
+        room.taken(s.camera, s.lamp, s.intensity, SHOT_SAMPLES, SHOT_SEED + number)
+        for number, s in enumerate(shots)
+    ]
+
+
+def from_pages(told: Told, made: FlashSet, shots: list[Shot], bumps: bool) -> list[np.ndarray]:
+    """The same of the texture."""
+    assert told.pages is not None
+    bump = told.pages.normal_map if bumps else None
+    model = replace(textured_mesh(made.mesh, told.pages.base), normal_map=bump)
+    found = told.appearance
+    surface = LitSurface(model, found.roughness, found.metallic)
+    pictures = []
+    for shot in shots:
+        lights = Illumination(lamps=(RoomLamp(shot.lamp, np.full(3, shot.intensity)),))
+        layers = next(traced_pictures(surface, lights, [shot.camera], samples=SHOT_SAMPLES))
+        pictures.append(layers[..., :3])
+    return pictures
 
 
 def psnr(shots: list[Shot], pictures: list[np.ndarray]) -> float:
@@ -89,17 +143,18 @@ def report(name: str, made: FlashSet, every: int, unknown: bool) -> None:
     names = list(made.photos)[::every]
     cameras = [made.cameras[n] for n in names]
     lamp = Lamp(np.array(LAMP), intensity=None if unknown else made.intensity)
-    found, colors, seconds = surface_of(made.mesh, cameras, [made.photos[n] for n in names], lamp)
+    told = surface_of(made.mesh, cameras, [made.photos[n] for n in names], lamp, every == 1)
+    found, colors = told.appearance, told.colors
     seen, truth = colors.photo_count >= 3, made.truth
     print(f"\n{name}, {len(names)} photos: {found.reason or 'accepted'}")
     print(f"  {found.verdict}")
     plain = min((off(colors.rgb[seen] * s, truth.base[seen]) for s in SCALES), key=np.median)
     ours = off(found.base[seen], truth.base[seen])
     kinds = truth.kind[seen]
-    print(f"  {told('blend', plain)}   {told('base color', ours)}   ", end="")
-    print(", ".join(told(str(k), ours[kinds == k]) for k in range(3)))
+    print(f"  {median_and_90('blend', plain)}   {median_and_90('base color', ours)}   ", end="")
+    print(", ".join(median_and_90(str(k), ours[kinds == k]) for k in range(3)))
     sure = found.confidence[seen] >= np.median(found.confidence[seen])
-    print(f"  {told('surer half', ours[sure])}")
+    print(f"  {median_and_90('surer half', ours[sure])}")
     if found.light is None:
         return
     metal = truth.metallic[seen] > 0.5
@@ -114,13 +169,13 @@ def report(name: str, made: FlashSet, every: int, unknown: bool) -> None:
     gain = found.light.found.flashes.gain / made.output[::every]
     print(f"  flashes' output {100 * np.std(gain / gain.mean()):.1f} % off", end="")
     print(f"; strength {found.light.found.lamp.intensity * gain.mean() / made.intensity:.3f} of it")
-    print(f"  {seconds:.1f} s of CPU for {len(seen)} points")
-    rendered(made, found)
+    print(f"  {told.seconds:.1f} s of CPU for {len(seen)} points")
+    rendered(made, told)
 
 
-def rendered(made: FlashSet, found: Appearance) -> None:
+def rendered(made: FlashSet, told: Told) -> None:
     """Photos rendered anew."""
-    kind = made.truth.kind
+    kind, found = made.truth.kind, told.appearance
     ours = Truth(found.base, found.roughness, found.metallic, kind)
     nodes = found.light.found
     xyz = made.mesh.vertices - made.mesh.center
@@ -134,6 +189,11 @@ def rendered(made: FlashSet, found: Appearance) -> None:
         print(
             f"  {name}: {values[0]:.1f} dB, matte {values[1]:.1f}, with the truth {values[2]:.1f}"
         )
+        if told.pages is not None:
+            bumpy = [False, True][: 1 + (told.pages.normal_map is not None)]
+            drawn = [psnr(shots, from_pages(told, made, shots, own)) for own in bumpy]
+            print(f"    from pages {', '.join(f'{value:.1f}' for value in drawn)} dB", end=" ")
+            print(f"(normals of the mesh, of the photos); {told.pages.normals}")
 
 
 def speed(points: int) -> None:
@@ -141,10 +201,11 @@ def speed(points: int) -> None:
     made = lump(36, subdivisions=max(4, round(np.log(points / 10) / np.log(4))))
     lamp = Lamp(LUMP_LAMP, intensity=LUMP_INTENSITY)
     start = time.time()
-    found, colors, seconds = surface_of(made.mesh, made.cameras, made.photos, lamp)
-    count = len(colors.rgb)
-    seen = float(colors.photo_count.mean())
-    print(f"{count} points, each in {seen:.1f} of 36 photos, {found.reason or 'accepted'}")
+    told = surface_of(made.mesh, made.cameras, made.photos, lamp)
+    count, seconds = len(told.colors.rgb), told.seconds
+    seen = float(told.colors.photo_count.mean())
+    reason = told.appearance.reason or "accepted"
+    print(f"{count} points, each in {seen:.1f} of 36 photos, {reason}")
     print(f"{seconds:.0f} s of CPU, {seconds / count * 1e6:.0f} s per million points")
     print(f"{time.time() - start:.0f} s in all, with the blend; peak", end=" ")
     print(f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB")

@@ -26,6 +26,8 @@ INTENSITY = 0.5 * np.pi * DISTANCE**2
 ROUGHNESS = (0.85, 0.36, 0.48)
 BECKMANN = 0.5
 METALLIC = (0.0, 0.0, 1.0)
+RELIEF_LENGTH = 0.03
+"""Of the waves of a relief that the mesh knows nothing of, metres."""
 COLORS = np.array([[0.5, 0.42, 0.35], [0.1, 0.18, 0.4], [0.9, 0.66, 0.32]])
 
 
@@ -89,8 +91,24 @@ def reflected(kind: np.ndarray, base: np.ndarray, wi, wo) -> np.ndarray:
     return out
 
 
-def lump(photos: int = 16, seed: int = 0, subdivisions: int = 5) -> Lump:
-    """One set."""
+def relief_normals(xyz: np.ndarray, normal: np.ndarray, slope: float) -> np.ndarray:
+    """(n, 3) normals (n, 3) tilted by a relief too flat to be seen from the side; slope: about its
+    largest tangent.
+    """
+    xyz = np.asarray(xyz, np.float64)
+    step = RELIEF_LENGTH * 1e-3
+    steep = [
+        waves(xyz + step * axis, RELIEF_LENGTH, 23) - waves(xyz - step * axis, RELIEF_LENGTH, 23)
+        for axis in np.eye(3)
+    ]
+    gradient = np.stack(steep, axis=1) / (2 * step) * RELIEF_LENGTH / (2 * np.pi) * slope
+    gradient -= normal * np.einsum("ij,ij->i", gradient, normal)[:, None]
+    out = normal - gradient
+    return out / np.linalg.norm(out, axis=1, keepdims=True)
+
+
+def lump(photos: int = 16, seed: int = 0, subdivisions: int = 5, slope: float = 0.0) -> Lump:
+    """One set. slope: of a relief that is not in the mesh."""
     rng = np.random.default_rng(seed)
     mesh = lump_mesh(subdivisions)
     caster = RayCaster(mesh.vertices, mesh.faces)
@@ -106,7 +124,7 @@ def lump(photos: int = 16, seed: int = 0, subdivisions: int = 5) -> Lump:
         k = Intrinsics(*SIZE, f, f, SIZE[0] / 2, SIZE[1] / 2)
         camera = Camera(k, Pose.look_at(DISTANCE * toward, [0, 0, 0]))
         cameras.append(camera)
-        light = taken(mesh, caster, camera, LAMP) * output[number]
+        light = taken(mesh, caster, camera, LAMP, slope) * output[number]
         light += np.sqrt(np.maximum(light, 0) / 15000 + 0.0015**2) * rng.standard_normal(
             light.shape
         )
@@ -114,7 +132,9 @@ def lump(photos: int = 16, seed: int = 0, subdivisions: int = 5) -> Lump:
     return Lump(mesh, kinds(mesh.vertices), cameras, pictures, output)
 
 
-def taken(mesh: Mesh, caster: RayCaster, camera: Camera, lamp: np.ndarray) -> np.ndarray:
+def taken(
+    mesh: Mesh, caster: RayCaster, camera: Camera, lamp: np.ndarray, slope: float
+) -> np.ndarray:
     """(h, w, 3) radiance of a flash of output 1."""
     w, h = SIZE
     x, y = np.meshgrid(np.arange(w) + 0.5, np.arange(h) + 0.5)
@@ -126,6 +146,7 @@ def taken(mesh: Mesh, caster: RayCaster, camera: Camera, lamp: np.ndarray) -> np
     n = np.einsum("nk,nkc->nc", part, vertex_normals(mesh)[corner])
     n /= np.linalg.norm(n, axis=1, keepdims=True)
     xyz = origins[rows] + rays[rows] * hits.depth[rows, None]
+    n = relief_normals(xyz, n, slope)
     place = camera.pose.inverse.apply(lamp[None])[0]
     to_lamp = place - xyz
     distance = np.linalg.norm(to_lamp, axis=1, keepdims=True)

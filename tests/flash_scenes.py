@@ -33,6 +33,9 @@ LAMP = (0.09, -0.11, 0.02)
 OUTPUT = 0.15
 """Half of the range of the flashes' output."""
 
+SHOT_SAMPLES, SHOT_SEED = 64, 900
+"""Of the photos that are held out: paths per pixel, and the first one's random numbers."""
+
 
 @dataclass(frozen=True)
 class Material:
@@ -133,7 +136,7 @@ def flash_set(
         elsewhere = scan.center + 0.6 * (elsewhere - scan.center) + 0.4 * (beside - scan.center)
         for shots, at in ((flash, beside), (lamp, elsewhere)):
             power = intensity * (np.linalg.norm(at - scan.center) / DISTANCE / scan.diagonal) ** 2
-            radiance = room.taken(camera, at, power, 4 * samples, 900 + number)
+            radiance = room.taken(camera, at, power, SHOT_SAMPLES, SHOT_SEED + number)
             shots.append(Shot(camera, at, power, radiance))
     truth = as_pixels_show(scan, materials, seed)
     return FlashSet(scan, cameras, pictures, output, intensity, truth, flash, lamp)

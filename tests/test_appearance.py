@@ -4,7 +4,9 @@ differs from the one that is fitted: a haze with a horizon, an echo instead of b
 
 import json
 import shutil
+from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -13,6 +15,7 @@ from plyfile import PlyData
 from scipy.spatial import cKDTree
 from skimage.color import deltaE_ciede2000
 
+from texproj.appearance.days import of_several_days
 from texproj.appearance.harmonics import OPEN_GAINS, basis
 from texproj.appearance.natural import natural_appearance
 from texproj.appearance.palette import clusters, members
@@ -29,6 +32,7 @@ from texproj.demo.photographer import set_up
 from texproj.formats.models import read_model
 from texproj.mesh import Mesh, vertex_normals
 from texproj.photo import LUMINANCE, linear_from_srgb
+from texproj.stages.lighting import days_of
 
 SUNNY = Lighting()
 CLOUDY = Lighting(sun=(0.0, 0.0, 0.0), sky=(0.80, 0.86, 0.95), bounce=(0.2, 0.19, 0.17))
@@ -158,6 +162,47 @@ def test_no_sun_is_found_under_clouds():
     assert found.light.to_sun is None
     assert found.light.sun is None
     assert np.median(after) < 0.6 * np.median(before)
+
+
+def test_two_days_make_one_surface():
+    """Each with a light of its own, at one scale; it is no worse than the surer one, and a day that
+    was refused tells nothing.
+    """
+    mesh, albedo, rgb = lit(SUNNY)
+    (sunny, _, _), (cloudy, _, _) = found_in(SUNNY), found_in(CLOUDY)
+    brighter = replace(cloudy, base=np.clip(cloudy.base * np.float32(1.2), 0, 1))
+    seen = all_seen(mesh)
+
+    both = of_several_days(mesh, {"17": sunny, "18": brighter}, rgb, seen)
+
+    assert both.accepted
+    assert set(both.light.days) == {"17", "18"}
+    errors = [np.median(off(a.base, albedo, True)) for a in (both, sunny, cloudy)]
+    assert errors[0] < min(errors[1:]) + 0.1
+    refused = replace(cloudy, accepted=False, reason="too dark", base=rgb)
+    alone = of_several_days(mesh, {"17": sunny, "18": refused}, rgb, seen)
+    assert alone.base == pytest.approx(sunny.base, abs=1e-5)
+    none = of_several_days(mesh, {"18": refused}, rgb, seen)
+    assert not none.accepted
+    assert "too dark" in none.reason
+    assert (none.base == np.clip(rgb, 0, 1)).all()
+
+
+@pytest.mark.parametrize(
+    ("taken", "days"),
+    [
+        (["2026-05-17T10:00:00"] * 4 + ["2026-05-19T09:00:00"] * 4, 2),
+        (["2026-05-17T10:00:00"] * 8, 0),
+        (["2026-05-17T10:00:00"] * 5 + ["2026-05-19T09:00:00"] * 3, 0),
+        (["2026-05-17T10:00:00"] * 4 + [""] * 4, 0),
+    ],
+)
+def test_days_are_told_by_exif(taken, days):
+    """Where every photo says it, and each day has enough of them."""
+    infos = {str(k): SimpleNamespace(taken=one) for k, one in enumerate(taken)}
+    project = SimpleNamespace(photo_info=infos.__getitem__)
+
+    assert len(days_of(project, list(infos))) == days
 
 
 def test_colors_are_base_times_irradiance():

@@ -19,6 +19,7 @@ from texproj.demo.sensor import Sensor, developed
 from texproj.demo.studio import Lamp, Made, Studio, Stuff
 from texproj.formats.cameras import cameras_json
 from texproj.formats.models import write_ply
+from texproj.photo import linear_from_srgb
 from texproj.records import CameraRecord
 
 PHOTOS, SIZE = 14, (160, 120)
@@ -91,7 +92,7 @@ def test_paint_and_mirror_come_apart(polarized_project, capsys):
     """
     out = polarized_project / "out"
 
-    assert main(["appearance", str(polarized_project), "--json"]) == 1
+    assert main(["appearance", str(polarized_project), "--to", "texture", "--json"]) == 1
 
     told = json.loads(capsys.readouterr().out)
     assert "photos-crossed; it is left out" in told["failed"]["03.png"]
@@ -114,7 +115,11 @@ def test_paint_and_mirror_come_apart(polarized_project, capsys):
     materials = json.loads((out / "materials.json").read_text())
     assert any(one["f0"] for one in materials)
     assert b"KHR_materials_specular" in (out / "appearance.glb").read_bytes()
-    assert main(["appearance", str(polarized_project)]) == 1
+    page = linear_from_srgb(np.asarray(Image.open(out / "base_color_0.png"))[..., :3] / 255.0)
+    shades = page[page.max(axis=2) > 0.01].max(axis=1)
+    truth = base[seen].max(axis=1)
+    assert np.quantile(shades, [0.2, 0.8]) == pytest.approx(np.quantile(truth, [0.2, 0.8]), rel=0.2)
+    assert main(["appearance", str(polarized_project), "--to", "texture"]) == 1
     said = capsys.readouterr().out
     assert "fresh, kept" in said
     assert "mirrors from what photos/ show beyond it" in said

@@ -15,10 +15,12 @@ from test_formats_models import model, write_glb
 from texproj.errors import InputError, UsageError
 from texproj.formats.meshes import read_mesh, read_mesh_file
 from texproj.formats.models import read_model
+from texproj.formats.models.binary import required_extensions
 from texproj.formats.models.draco import fineness_of
 from texproj.layout import Node
 from texproj.mesh import NormalMap, Parts
 from texproj.options import ColorOptions, OutputOptions
+from texproj.preview.plain_model import plain_glb
 from texproj.stages.writing import output_plan
 
 SAMPLES = Path(__file__).parent / "meshes"
@@ -125,6 +127,28 @@ def test_compressed_models_are_read_back_and_smaller(written):
         assert mesh.notes == () and len(mesh.faces) == len(textured.faces)
         textureless = (textured.page_of_face < 0).sum()
         assert (~mesh.layout.placed).sum() == textureless
+
+
+def test_the_page_gets_what_it_can_show(written, tmp_path):
+    """The same mesh, coordinates and names to the bit, without the extension, and valid; a damaged
+    file is one sentence.
+    """
+    folder, models = written
+    files = []
+    for name in models:
+        packed = folder / f"{name}.glb"
+        files.append(tmp_path / f"{name}.glb")
+        files[-1].write_bytes(plain_glb(packed))
+        assert "draco" not in str(required_extensions(files[-1]))
+        before, after = read_mesh_file(packed), read_mesh_file(files[-1])
+        np.testing.assert_array_equal(after.vertices, before.vertices)
+        np.testing.assert_array_equal(after.faces, before.faces)
+        np.testing.assert_array_equal(after.layout.uv, before.layout.uv)
+        assert [m.name for m in after.layout.materials] == [m.name for m in before.layout.materials]
+    assert [[m["code"] for m in one] for one in asked("validate", *files)] == [[]] * len(files)
+    (tmp_path / "cut.glb").write_bytes(packed.read_bytes()[:-2000])
+    with pytest.raises(InputError, match=r"cut\.glb: damaged"):
+        plain_glb(tmp_path / "cut.glb")
 
 
 def test_a_large_model_takes_a_tenth(tmp_path):

@@ -12,8 +12,10 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from texproj.camera import Camera, Intrinsics, Pose
+from texproj.creation import write_settings
 from texproj.demo import lens, make_demo
 from texproj.demo.jpeg import Exif, focal_px_of_exif, jpeg
+from texproj.demo.lamps import DemoSize, light_settings
 from texproj.demo.light import Lighting
 from texproj.demo.make import true_colors
 from texproj.demo.object import carved, piece, scanned
@@ -22,7 +24,7 @@ from texproj.demo.photographer import ShotOptions, photograph, set_up
 from texproj.demo.picks import picked, visible
 from texproj.demo.sensor import Sensor, developed
 from texproj.demo.views import COMPACT, REFLEX, TOUR, View, camera_at, disturbed
-from texproj.demo.write import write_demo
+from texproj.demo.write import write_demo, write_lit_demo
 from texproj.formats.cameras import read_cameras
 from texproj.formats.correspondences import read_correspondences
 from texproj.formats.meshes import read_mesh
@@ -31,6 +33,7 @@ from texproj.formats.photos.read import read_photo
 from texproj.mesh import Mesh, face_cross
 from texproj.options import DemoOptions
 from texproj.photo import linear_from_srgb
+from texproj.project import Project
 
 NO_NOISE = Sensor(full_well=0)
 CLEAN = ShotOptions(background="wall", sensor=NO_NOISE, vignetting=0.0)
@@ -366,3 +369,26 @@ def test_photos_read_back_upright_with_what_exif_tells(tmp_path):
     assert infos[0].camera_body != infos[1].camera_body
     steps = infos[0].exposure_ev - infos[1].exposure_ev
     assert steps == pytest.approx(first.ev - second.ev, abs=0.01)
+
+
+@pytest.mark.parametrize("light", ["flash", "natural", "turntable"])
+def test_pieces_in_a_light_that_is_to_be_found(light, tmp_path):
+    """A project that `appearance` can start on: cameras that are true, the kind of light, and, of a
+    flash, its place; photos of a piece, and its paint without light in truth/.
+    """
+    demo = write_lit_demo(tmp_path, light, DemoSize(2, 120, 3000, 12_000))
+    write_settings(tmp_path, "scan.ply", light_settings(light))
+
+    project = Project.open(tmp_path)
+    assert project.settings.light.kind == light
+    assert (project.settings.light.lamp is not None) == (light == "flash")
+    records = project.load_cameras()
+    assert [r.status for r in records.values()] == ["registered"] * 2
+    for photo in demo.photos:
+        pixels = project.load_photo(photo.file).linear()
+        shown = pixels[photo.object_mask > 0]
+        assert len(shown) > 500
+        assert 0.03 < np.median(shown) < 0.6
+        if light != "natural":
+            assert np.median(pixels[photo.object_mask == 0]) < 0.01
+    assert (tmp_path / "truth/albedo.ply").is_file()

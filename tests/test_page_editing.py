@@ -121,6 +121,13 @@ def test_settings_are_a_form(root, page):
     bits.get_by_role("button", name="Default of Bits").click()
     until(page, "document.querySelector('[data-setting=\"color.bits\"] button').hidden")
     assert "bits" not in (root / "project.toml").read_text()
+    page.locator("summary").filter(has_text="Light").click()
+    for axis, value in (("x", "0.06"), ("y", "-0.08"), ("z", "0")):
+        field = page.get_by_label(f"Lamp, {axis}")
+        field.fill(value)
+        field.press("Tab")
+    page.get_by_role("button", name="Default of Lamp").wait_for()
+    assert Project.open(root).settings.light.lamp == (0.06, -0.08, 0)
     assert page.locator('[data-setting^="preview."]').count() == 0
     page.get_by_role("button", name="Close").click()
     page.locator("#make-to").select_option("patches")

@@ -4,6 +4,7 @@ import json
 import shutil
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from browsing import opened, picture, settle, until, violations
@@ -11,30 +12,43 @@ from page_tools import with_packages
 from preview_project import running
 
 from texproj.appearance.harmonics import OPEN_GAINS, basis
+from texproj.errors import InputError
 from texproj.formats.models import write_ply
 from texproj.options import PreviewOptions
 from texproj.preview.lights import lights
+from texproj.preview.materials import material_table
 from texproj.preview.session import Session
 from texproj.project import Project
 from texproj.stages.relighting import SKY_LUX
 
 GRAY = 188
 """sRGB of linear .5."""
+MATERIAL = {
+    "name": "material_0", "metallic": True, "roughness": 0.1, "f0": None, "share": 1.0,
+    "base_color": [0.5, 0.5, 0.5], "luminance": 0.5,
+}  # fmt: skip
 UNLIT = 8
 """A pixel no brighter than this got no light."""
 
 
-@pytest.fixture
-def root(page_template, tmp_path):
-    """The blocks, of which `appearance` found that they are gray, under a sky and a sun."""
-    folder = Path(shutil.copytree(page_template, tmp_path / "blocks"))
+def write_surface(folder, roughness, metallic):
+    """What `appearance` and `color` would have written: gray, photographed in red."""
     source = Project.open(folder).load_mesh()
     rgb = np.full((len(source.source_vertices), 3), GRAY, np.uint8)
+    given = source.source_vertices, source.source_faces
+    one = np.ones(len(rgb), np.float32)
+    values = {"roughness": roughness * one, "metallic": metallic * one, "confidence": one}
+    write_ply(folder / "out/appearance.ply", *given, rgb, None, (), values)
+    write_ply(folder / "out/model.ply", *given, rgb * np.uint8([1, 0, 0]), None)
+    (folder / "out/materials.json").write_text(json.dumps([MATERIAL]))
+
+
+@pytest.fixture
+def root(page_template, tmp_path):
+    """The blocks, of which `appearance` found that they are gray, matte, under a sky and a sun."""
+    folder = Path(shutil.copytree(page_template, tmp_path / "blocks"))
     (folder / "out").mkdir()
-    write_ply(
-        folder / "out/appearance.ply", source.source_vertices, source.source_faces, rgb, None, (),
-        {"confidence": np.ones(len(rgb), np.float32)},
-    )  # fmt: skip
+    write_surface(folder, 1.0, 0.0)
     sky = np.zeros((9, 3))
     sky[0] = 2.0, 1.0, 1.0
     sun = {"sun": [0.0, 0.6, 0.8], "sun_irradiance": [3.0, 3.0, 3.0]}
@@ -59,6 +73,18 @@ def test_the_skies_are_those_of_the_command(root):
         (root / "out/light.json").write_text(broken)
         told = lights(session.project, session.surface)
         assert (told["sun"], list(told["skies"])) == (None, ["overcast"])
+
+
+def test_materials_that_cannot_be_are_refused(root):
+    session = Session(root, PreviewOptions())
+    assert material_table(session.project) == [MATERIAL]
+    path = root / "out/materials.json"
+    for broken in ("{}", "[1]", json.dumps([MATERIAL | {"roughness": None}]), "["):
+        path.write_text(broken)
+        with pytest.raises(InputError, match=r"materials\.json"):
+            material_table(session.project)
+    path.unlink()
+    assert material_table(session.project) == []
 
 
 def light(page, **choice):
@@ -102,3 +128,39 @@ def test_the_sun_stands_where_the_dial_says(root, browser):
         assert page.evaluate("texproj.relight.choice.height") == pytest.approx(height, abs=1e-6)
         with_packages()
         assert violations(page, "relit") == []
+
+
+def red_and_blue(path):
+    """A picture of all directions: red to the right, blue to the left."""
+    rgb = np.zeros((32, 64, 3), np.float32)
+    rgb[:, 32:, 0] = rgb[:, :32, 2] = 500
+    cv2.imwrite(str(path), rgb[..., ::-1])
+    return path
+
+
+def test_a_picture_lights_the_surface_and_is_mirrored(root, browser, tmp_path):
+    """Polished metal shows the red of the right or the blue of the left, not their mean; beside it,
+    left of the wipe, is what was photographed; each material has a sphere with its numbers; what is
+    no picture is told.
+    """
+    write_surface(root, 0.1, 1.0)
+    with running(root) as home, opened(browser, home) as page:
+        page.locator('[data-layer="relit"]').click()
+        until(page, "texproj.look.layer === 'relit'")
+        page.evaluate("texproj.look.frustums = false, texproj.applyLook()")
+        assert page.locator("#materials li").inner_text().startswith("Metal, 100 %")
+        page.set_input_files("#sky-file", red_and_blue(tmp_path / "sky.hdr"))
+        until(page, "texproj.relight.choice.sky === 'picture'")
+        shown = light(page, sun=False, tone="none")
+        seen = shown.max(axis=2) > 100
+        either = np.abs(shown[seen][:, 0] - shown[seen][:, 2]) > 60
+        assert either.mean() > 0.8
+        page.get_by_label("As photographed | relit").check()
+        until(page, "texproj.viewport.beside === 'photographed'")
+        settle(page)
+        half = picture(page).astype(int)[:, : shown.shape[1] // 2 - 4]
+        lit = half.max(axis=2) > 100
+        assert (half[lit][:, 1:].max(axis=1) < 20).mean() > 0.95
+        (tmp_path / "sky.hdr").write_bytes(b"no picture")
+        page.set_input_files("#sky-file", tmp_path / "sky.hdr")
+        page.get_by_text("sky.hdr cannot be read as a picture of light").wait_for()

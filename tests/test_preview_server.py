@@ -8,6 +8,7 @@ import threading
 import time
 import zipfile
 from contextlib import contextmanager
+from pathlib import Path
 
 import httpx
 import numpy as np
@@ -28,6 +29,7 @@ from texproj.records import CameraRecord
 from texproj.stages.attending import INTERNAL
 
 PHOTO = "0000.png"
+CHECKOUT = Path(__file__).resolve().parent.parent
 
 
 @pytest.fixture(scope="module")
@@ -676,6 +678,21 @@ def test_links_out_of_the_project_are_not_followed(own, tmp_path):
     assert secret.read_text() == "u,v,x,y,z\n"
 
 
+def test_a_model_that_draco_compressed_comes_open(own):
+    """The page gets the same model without the extension; one that is cut off is one sentence."""
+    root, page = own
+    (root / "out").mkdir()
+    sample = CHECKOUT / "tests/meshes/gltf-transform.glb"
+    (root / "out/model.glb").write_bytes(sample.read_bytes())
+    answer = page.get("/api/models/model.glb")
+    assert answer.status_code == 200
+    assert answer.content[:4] == b"glTF" and b"draco" not in answer.content
+    assert len(answer.content) > 2 * len(sample.read_bytes())
+    (root / "out/model.glb").write_bytes(sample.read_bytes()[:-500])
+    answer = page.get("/api/models/model.glb")
+    assert (answer.status_code, "damaged" in answer.text) == (422, True)
+
+
 def test_a_setting_names_only_what_is_in_the_project(own):
     """A chart elsewhere would be shown, or colors made from it; what is no number is refused."""
     page = own[1]
@@ -691,6 +708,25 @@ def test_a_setting_names_only_what_is_in_the_project(own):
 
     assert (answer.status_code, "cannot have that value" in answer.text) == (400, True)
     assert page.get("/api/settings").json()["version"] == base
+
+
+def test_the_place_of_a_lamp_has_a_field(own):
+    """Three numbers; two, or words, are none."""
+    root, page = own
+
+    def answered(value):
+        base = page.get("/api/settings").json()["version"]
+        changes = [{"table": "light", "key": "lamp", "value": value}]
+        return page.patch("/api/settings", json={"changes": changes, "base": base}).status_code
+
+    (light,) = (t for t in page.get("/api/settings").json()["tables"] if t["name"] == "light")
+    (lamp,) = (option for option in light["options"] if option["key"] == "lamp")
+    assert (lamp["kind"], lamp["value"], lamp["default"]) == ("place", None, None)
+    assert [answered(value) for value in ([0.1, 0.2], ["a", "b", "c"], [True, 0, 0])] == [400] * 3
+    assert answered([0.06, -0.08, 0]) == 200
+    assert Project.open(root).settings.light.lamp == (0.06, -0.08, 0)
+    assert answered(None) == 200
+    assert Project.open(root).settings.light.lamp is None
 
 
 def test_no_line_of_a_linked_text_reaches_the_browser(own, tmp_path):

@@ -13,19 +13,24 @@ from texproj.appearance.relight import (
     Environment,
     Illumination,
     Lamp,
+    Lens,
     LitSurface,
     Sun,
     exposure_of_ev,
     overcast,
+    pictures_through,
     relit_pictures,
+    traced,
 )
 from texproj.appearance.relight.environment import all_directions
 from texproj.appearance.relight.split_sum import split_sum
+from texproj.appearance.relight.thin_lens import falloff
 from texproj.appearance.relight.tone import metered
 from texproj.camera import Camera, Intrinsics, Pose
 from texproj.cli import main
 from texproj.errors import InputError, UsageError
 from texproj.formats.environments import read_environment
+from texproj.formats.models import write_ply
 from texproj.formats.models.read_values import read_values
 from texproj.mesh import ColoredMesh
 from texproj.photo import srgb_from_linear
@@ -36,6 +41,7 @@ from texproj.stages.relighting import (
     changed_since,
     illumination,
     photographed,
+    recovered_surface,
 )
 
 UP, AHEAD = np.array([0.0, 0, 1]), np.array([0.0, 1, 0])
@@ -199,7 +205,7 @@ def test_without_a_recovered_surface_it_says_what_to_do(project_folder, capsys):
     assert main(["relight", str(project_folder)]) == 2
     assert "run `texproj appearance" in capsys.readouterr().err
     for wrong in ("--sun 85", "--sun x,1", "--lamp 1,2", "--lamp 1,2,0", "--ev 99", "--kelvin 90",
-                  "--photo a --film gif"):  # fmt: skip
+                  "--photo a --film gif", "--lens 0.1"):  # fmt: skip
         assert main(["relight", str(project_folder), *wrong.split()]) == 2
 
 
@@ -264,3 +270,59 @@ def test_values_that_cannot_be_are_refused(tmp_path):
     PlyData([PlyElement.describe(values, "vertex")]).write(tmp_path / "a.ply")
     with pytest.raises(InputError, match=r"a\.ply: roughness is not between 0 and 1"):
         read_values(tmp_path / "a.ply", ["roughness"])
+
+
+def test_a_lens_blurs_what_is_not_in_focus():
+    """The edge of a plate as far behind the focus as this before the eye: as wide as the pupil is
+    large there; none at the focus. Corners are as dark as the cosine to the fourth says.
+    """
+    camera, sun = from_above(4.0), Illumination(suns=(Sun(UP, np.full(3, 1000.0)),))
+    lens = Lens.of(camera, 2.8, 0.01, 4.0)
+    assert lens.radius == pytest.approx(36 * 60 / 48 / 2.8 / 2 / 10)
+    wide = {}
+    for height in (0.0, -4.0):
+        plate = surface((0.6, height))
+        layers = next(pictures_through(Lens(0.2, 4.0), CPURenderer(), plate, sun, [camera]))
+        wide[height] = np.count_nonzero((layers[18, :, 3] > 0.02) & (layers[18, :, 3] < 0.98)) / 2
+    assert wide[0.0] <= 2
+    # the pupil, .4 wide, seen from the focus as an angle of .1: half of it at the plate's distance
+    assert wide[-4.0] == pytest.approx(60 * 0.4 * (1 / 4 - 1 / 8), abs=2)
+    corner = np.hypot(24 - 0.5, 18 - 0.5) / 60
+    assert falloff(camera)[0, 0] == pytest.approx(np.cos(np.arctan(corner)) ** 4, rel=1e-6)
+    assert falloff(camera)[18, 24] == pytest.approx(1, abs=1e-3)
+
+
+def test_without_a_path_tracer_it_says_what_to_install(monkeypatch):
+    monkeypatch.setattr(traced, "find_spec", lambda _: None)
+    with pytest.raises(UsageError, match="pip install mitsuba"):
+        traced.check_tracer()
+
+
+@pytest.fixture
+def recovered(project_folder):
+    """A project that seems to have been through `appearance --to texture`."""
+    project = appeared(project_folder, "{}")
+    mesh = project.load_mesh().mesh
+    count = len(mesh.vertices)
+    values = {name: np.full(count, 0.5, np.float32) for name in ("roughness", "metallic")}
+    gray = np.full((count, 3), 128, np.uint8)
+    write_ply(project.out / "appearance.ply", mesh.vertices, mesh.faces, gray, None, (), values)
+    (project.out / "model.glb").write_bytes(b"glTF damaged")
+    record = {"inputs": {}, "used": [], "failed": {}, "light": {}}
+    outputs = {"appearance.ply": "", "model.glb": "of another file"}
+    project.save_record("appearance", None, {**record, "outputs": outputs})
+    return project
+
+
+def test_a_damaged_texture_is_refused(recovered):
+    """It is what was asked for; vertices in its place would look like it."""
+    with pytest.raises(InputError, match=r"model\.glb is not what `texproj appearance` wrote"):
+        recovered_surface(recovered)
+
+
+def test_the_vertices_are_shown_where_color_wrote_its_own_texture(recovered):
+    """Which is meant to lie there."""
+    made = {"model.glb": recovered.hash_of(recovered.out / "model.glb")}
+    rest = {"inputs": {}, "used": [], "failed": {}, "quality": {}, "occluders": {}}
+    recovered.save_record("color", None, {**rest, "outputs": made})
+    assert isinstance(recovered_surface(recovered).model, ColoredMesh)

@@ -20,7 +20,11 @@ GL_LIBRARIES = {"libEGL.so.1": "libegl1", "libGL.so.1": "libgl1", "libOpenGL.so.
 LAST_WHEELS = {"xatlas": (3, 13)}
 """Dependencies that come as source for newer Pythons than this, and need a compiler there."""
 
-OPTIONAL = {"pillow-heif": "HEIC photos", "meshopt": "meshes compressed by meshopt (gltfpack)"}
+OPTIONAL = {
+    "pillow-heif": "HEIC photos",
+    "meshopt": "meshes compressed by meshopt (gltfpack)",
+    "mitsuba": "path-traced pictures of relight",
+}
 """Packages that only some people need, and what for."""
 
 COMPILER = "apt-get install --no-install-recommends g++ python3-dev"

@@ -35,6 +35,13 @@ class NaturalLight:
 
 
 @dataclass(frozen=True, eq=False)
+class DaysLight:
+    """The light of several days, by their names."""
+
+    days: dict[str, NaturalLight]
+
+
+@dataclass(frozen=True, eq=False)
 class FlashLight:
     """A flash on the camera. found: the materials, the lamp with its intensity and the output of
     each flash, by the photos' numbers; names: of the photos; label: (V,) material of each vertex.
@@ -97,7 +104,7 @@ class Appearance:
     metallic: Floats
     irradiance: Floats | None
     confidence: Floats
-    light: NaturalLight | FlashLight | TurntableLight | PolarizedLight | None
+    light: NaturalLight | DaysLight | FlashLight | TurntableLight | PolarizedLight | None
     accepted: bool
     reason: str
     absolute: bool

@@ -22,16 +22,14 @@ from texproj.appearance.palette import (
     medians,
     members,
 )
+from texproj.appearance.prediction import LEAST_GAIN_DB, Prediction, psnr
 from texproj.arrays import Doubles, Index
-from texproj.photo import LUMINANCE, srgb_from_linear
+from texproj.photo import LUMINANCE
 
 CELLS, SMALL_CELLS = 8, 16
 """Of the diagonal, along each side of a cell that is left out as a whole, and of one within which
 colors are compared with the light.
 """
-
-LEAST_GAIN_DB = 1.0
-"""Gain below which the light is refused: what unpainted noise and odd paint give by chance."""
 
 LEAST_SLOPE = 0.4
 """How strongly colors have to follow the predicted light from place to place nearby, 1 = exactly:
@@ -65,21 +63,12 @@ class Places:
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """accepted: whether the light is believed; plain_db, lit_db: PSNR of parts of the surface that
-    were left out of the fit, predicted by their chroma alone and with the light too; slope: of log
-    color on log light there, among near points of one paint.
+class Verdict(Prediction):
+    """Of parts of the surface that were left out, predicted by their chroma. slope: of log color on
+    log light there, among near points of one paint.
     """
 
-    accepted: bool
-    plain_db: float
-    lit_db: float
     slope: float
-
-    @property
-    def gain_db(self) -> float:
-        """How much better the light predicts."""
-        return self.lit_db - self.plain_db
 
     @property
     def refusal(self) -> str:
@@ -126,9 +115,3 @@ def _slope(points: LitPoints, fit: LightFit, cell: Index) -> float:
     x, y = (v - (np.bincount(group, v) / count)[group] for v in (light, color))
     x = x * (count[group] >= FEWEST_NEARBY)
     return float((x * np.clip(y, -STRONGEST, STRONGEST)).sum() / max((x * x).sum(), 1e-12))
-
-
-def psnr(truth: Doubles, found: Doubles) -> float:
-    """Decibels between linear colors, compared as they are shown (sRGB)."""
-    shown = [srgb_from_linear(np.clip(rgb, 0, 1)) for rgb in (truth, found)]
-    return float(-10 * np.log10(np.mean(np.square(shown[0] - shown[1])) + 1e-12))

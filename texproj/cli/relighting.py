@@ -63,6 +63,20 @@ class RelightFlags:
         Literal["webp", "gif", "png"] | None,
         Parameter(help="A turntable in that light. [default: one picture]"),
     ] = None
+    lens: Annotated[
+        float | None,
+        Parameter(
+            help="f-number of a full-frame lens, 2.8 say: what is nearer or farther is blurred,"
+            " corners are darker; the scan's unit is [output] `unit`. [default: all is sharp]"
+        ),
+    ] = None
+    traced: Annotated[
+        bool,
+        Parameter(
+            help="Draw by the path tracer Mitsuba (pip install mitsuba), which takes minutes.",
+            negative="",
+        ),
+    ] = False
     size: Annotated[int, Parameter(help="Longer side, pixels.")] = 1024
 
 
@@ -87,8 +101,8 @@ def relight(
     options = RelightOptions(
         tuple(_place(text, "--sun", 2) for text in flags.sun),
         tuple(_place(text, "--lamp", 3) for text in flags.lamp),
-        flags.sky, flags.kelvin, flags.ev, flags.tone, flags.photo, flags.film,
-        TurntableOptions(size=flags.size),
+        flags.sky, flags.kelvin, flags.ev, flags.tone, flags.photo, flags.film, flags.lens,
+        flags.traced, TurntableOptions(size=flags.size),
     )  # fmt: skip
     with project_at_work(folder, None, verbose, "relight") as project:
         return run_stage(project, json, lambda bench, tell: relight_project(bench, options, tell))

@@ -144,7 +144,7 @@ class OutputOptions:
 
     compression: Annotated[Literal["none", "draco"], EXPERT] = "none"
     """Of a textured glb's geometry. draco: a tenth of the bytes, positions off by less than a
-    hundredth of an edge; viewers without Draco show nothing, the web page among them."""
+    hundredth of an edge; viewers without Draco show nothing."""
 
     normals: bool = True
     """Write a normal for each vertex."""

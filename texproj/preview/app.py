@@ -20,6 +20,8 @@ from starlette.routing import Route
 from watchfiles import awatch
 
 from texproj.errors import InputError, TexprojError, UsageError
+from texproj.formats.meshes.gltf_compressed import DRACO
+from texproj.formats.models.binary import required_extensions
 from texproj.preview import work
 from texproj.preview.colors import (
     MATERIAL,
@@ -33,6 +35,7 @@ from texproj.preview.downloads import DownloadHandlers, downloads
 from texproj.preview.edits import EditHandlers
 from texproj.preview.geometry import pack
 from texproj.preview.jobs import TooManyJobs
+from texproj.preview.materials import material_table
 from texproj.preview.photos import SIZES
 from texproj.preview.picking import (
     MATCH_LONGEST,
@@ -50,10 +53,12 @@ from texproj.preview.picks import (
     save_picks,
 )
 from texproj.preview.places import places_facts
+from texproj.preview.plain_model import plain_glb
 from texproj.preview.proposals import SURE, Guess, proposals
 from texproj.preview.requests import body
 from texproj.preview.security import BodyTooLong, refuse
 from texproj.preview.session import MODEL_FILES, Session, shown, stamp
+from texproj.stages.appearance_files import MATERIALS
 from texproj.stages.attending import INTERNAL
 from texproj.stages.partners import partners
 
@@ -130,6 +135,7 @@ class Handlers:
             Route("/api/colors/light", self.light_colors),
             Route("/api/colors/base", self.base_colors),
             Route("/api/lights", self.lights),
+            Route("/api/materials", self.materials),
             Route("/api/colors/mean", self.mean_colors),
             Route("/api/layers/{layer}", self.layer),
             Route("/api/models/{name}", self.model),
@@ -204,6 +210,11 @@ class Handlers:
         inside(self.session.project.out / "light.json", self.session.root)
         return JSONResponse(lights(self.session.project, self.session.surface))
 
+    def materials(self, _: Request) -> Response:
+        """What the surface is made of, where `appearance` tells it."""
+        inside(self.session.project.out / MATERIALS, self.session.root)
+        return JSONResponse(material_table(self.session.project))
+
     async def mean_colors(self, _: Request) -> Response:
         """The plain mean of all photos on the vertices: doubled edges show what is off."""
         return Response(pack({"rgba": await work.mean_colors(self.session)}), media_type=BINARY)
@@ -227,6 +238,8 @@ class Handlers:
         if name not in MODEL_FILES or not path.is_file():
             raise HTTPException(404, "no such model")
         inside(path, self.session.root)
+        if DRACO in required_extensions(path):
+            return Response(plain_glb(path), media_type=MODEL_FILES[name])
         return FileResponse(path, media_type=MODEL_FILES[name])
 
     def report(self, _: Request) -> Response:

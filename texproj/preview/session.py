@@ -18,7 +18,6 @@ from texproj.at_work import at_work
 from texproj.errors import OutputError, TexprojError
 from texproj.files import STAGING_PREFIX, json_hash
 from texproj.formats.models.binary import required_extensions
-from texproj.formats.models.draco import DRACO
 from texproj.formats.models.glb import IMAGE_EXTENSIONS
 from texproj.log import logged
 from texproj.mesh import MeshSource
@@ -30,6 +29,8 @@ from texproj.preview.memory import chosen_up
 from texproj.preview.photos import Pictures, photo_facts
 from texproj.preview.surface import Surface
 from texproj.project import Project
+from texproj.stages.appearance_files import MODEL_GLB
+from texproj.stages.appearing import STAGE as APPEARANCE
 from texproj.stages.bench import Workbench
 from texproj.stages.progress import Cancelled, Progress
 
@@ -125,6 +126,7 @@ class Session:
             "photos": [photo_facts(project, name, entries.get(name)) for name in names],
             "excluded": list(project.settings.exclude),
             "to": project.settings.color.to,
+            "lit": lit_texture(project),
             "up": chosen_up(project),
             "report": None if leaves(report, self.root) else stamp(report),
             "models": {name: shown_stamp(project.out / name, self.root) for name in MODEL_FILES},
@@ -208,6 +210,12 @@ class Session:
 KEPT_VALUES = 8
 
 
+def lit_texture(project: Project) -> bool:
+    """Whether out/model.glb is that of `appearance`, which has base colors."""
+    made = (project.load_record(APPEARANCE) or {}).get("outputs", {}).get(MODEL_GLB)
+    return made is not None and made == project.hash_of(project.out / MODEL_GLB)
+
+
 def stamp(path: Path) -> str | None:
     """Something that changes when a file is written; None if there is none."""
     try:
@@ -217,18 +225,12 @@ def stamp(path: Path) -> str | None:
     return f"{stat.st_mtime_ns:x}-{stat.st_size:x}"
 
 
-NEED_DECODERS = {IMAGE_EXTENSIONS["ktx2"], DRACO}
-"""Extensions of glTF for which the page would need a decoder that it does not bring."""
-
-
 def shown_stamp(path: Path, root: Path) -> str | None:
-    """`stamp` of a model that the page can show: not one with images in KTX 2 or compressed by
-    Draco, nor a link.
-    """
+    """`stamp` of a model that the page can show: not one with images in KTX 2, nor a link."""
     if leaves(path, root):
         return None
     try:
-        hidden = bool(NEED_DECODERS & set(required_extensions(path)))
+        hidden = IMAGE_EXTENSIONS["ktx2"] in required_extensions(path)
     except OSError:
         return None
     return None if hidden else stamp(path)

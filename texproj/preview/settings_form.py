@@ -58,9 +58,14 @@ def _options(project: Project, table: str, given: dict[str, Any]) -> list[dict[s
 
 
 def _is_field(told: dict[str, Any]) -> bool:
-    """Whether the form has a field for an option; a place in space has none."""
+    """Whether the form has a field for an option; a list of any length has none."""
     kinds = [part for part in told.get("anyOf", [told]) if part.get("type") != "null"]
-    return all(p.get("type") in KINDS or "enum" in p.get("items", p) for p in kinds)
+    return all(p.get("type") in KINDS or "enum" in p.get("items", p) or _is_place(p) for p in kinds)
+
+
+def _is_place(part: dict[str, Any]) -> bool:
+    """Whether an option is three numbers."""
+    return [item.get("type") for item in part.get("prefixItems", ())] == ["number"] * 3
 
 
 def _plain(value: Any) -> Any:
@@ -68,9 +73,11 @@ def _plain(value: Any) -> Any:
 
 
 def _kind(told: dict[str, Any]) -> dict[str, Any]:
-    """How an option is asked for: a choice, several of a few, a flag, a number, a text."""
+    """How an option is asked for: a choice, several of a few, a place, a flag, a number, a text."""
     parts = [part for part in told.get("anyOf", [told]) if part.get("type") != "null"]
     part = parts[0]
+    if _is_place(part):
+        return {"kind": "place"}
     if part.get("type") == "array":
         return {"kind": "several", "choices": part["items"].get("enum", [])}
     if "enum" in part:
@@ -109,12 +116,19 @@ MOST_TEXT = 1000
 def _is_toml(value: Any) -> bool:
     """Whether a value is one that a setting can have: plain, short, or None to take it out."""
     if isinstance(value, list):
-        return len(value) <= MOST_CHANGES and all(isinstance(v, str) and _short(v) for v in value)
+        return len(value) <= MOST_CHANGES and all(_is_item(item) for item in value)
     if isinstance(value, int) and not isinstance(value, bool):
         return abs(value) < 2**63
     if isinstance(value, float):
         return math.isfinite(value)
     return value is None or isinstance(value, bool) or _short(value)
+
+
+def _is_item(value: Any) -> bool:
+    """Whether a list of a setting can hold it: a short text, or a number."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return math.isfinite(value) and abs(value) < 2**63
+    return isinstance(value, str) and _short(value)
 
 
 def _short(value: Any) -> bool:

@@ -37,12 +37,15 @@ class Footprint:
 class Mipmaps:
     """A page, halved again and again (Williams 1983), in linear light."""
 
-    def __init__(self, page: NDArray[Any]) -> None:
-        """page: (h, w, 3 or more) uint8 or uint16, sRGB-encoded. It is kept as it is: its halves,
-        made here, are two thirds of the memory of an 8-bit page.
+    def __init__(self, page: NDArray[Any], colors: bool = True) -> None:
+        """page: (h, w, 3 or more) uint8 or uint16, sRGB-encoded, or, where they are no colors,
+        numbers. It is kept as it is: its halves, made here, are two thirds of the memory of an
+        8-bit page.
         """
         self._page = page[..., :3]
-        self._table = np.round(linear_table(page.dtype) * WHITE).astype(np.uint16)
+        top = np.iinfo(page.dtype).max
+        table = linear_table(page.dtype) if colors else np.arange(top + 1) / top
+        self._table = np.round(table * WHITE).astype(np.uint16)
         self._smaller: list[NDArray[np.uint16]] = []
         whole = np.ascontiguousarray(self._page)
         image = cv2.LUT(whole, self._table) if whole.itemsize == 1 else self._table[whole]

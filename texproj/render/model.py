@@ -182,15 +182,28 @@ def _colored(model: ColoredMesh) -> Paint:
 
 
 def _textured(model: TexturedMesh) -> Paint:
+    return _read(model, [Mipmaps(page) for page in model.pages], (NO_TEXTURE,) * 3)
+
+
+def bumps_of(model: TexturedMesh | ColoredMesh) -> Paint | None:
+    """The colors of a model's normal map, 0..1, half and half and 1 where it has no texture; None
+    where there is none.
+    """
+    if not isinstance(model, TexturedMesh) or model.normal_map is None:
+        return None
+    pages = [Mipmaps(page, colors=False) for page in model.normal_map.pages]
+    return _read(model, pages, (0.5, 0.5, 1.0))
+
+
+def _read(model: TexturedMesh, pages: list[Mipmaps], elsewhere: tuple[float, ...]) -> Paint:
     uv = (model.uv * (1, -1) + (0, 1)).astype(np.float32)
     (p, q), (r, s) = ((uv[model.uv_faces[:, k]] - uv[model.uv_faces[:, 0]]).T for k in (1, 2))
     area_of_face = np.abs(p * s - q * r) / 2
-    pages = [Mipmaps(page) for page in model.pages]
 
     def paint(met: Met) -> Floats:
         x, y = np.einsum("nk,nkc->cn", met.weights, uv[model.uv_faces[met.face]])
         place = Footprint(x, y, met.covered * area_of_face[met.face])
-        color = np.full((len(x), 3), NO_TEXTURE, np.float32)
+        color = np.tile(np.array(elsewhere, np.float32), (len(x), 1))
         page_of_ray = model.page_of_face[met.face]
         for number, page in enumerate(pages):
             here = np.flatnonzero(page_of_ray == number)

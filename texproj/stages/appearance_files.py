@@ -34,10 +34,16 @@ from texproj.stages.writing import OutputPlan, write_texture
 
 if TYPE_CHECKING:
     from texproj.appearance.flash.pooled import Pooled
-    from texproj.appearance.recovered import Appearance, FlashLight, PolarizedLight
+    from texproj.appearance.recovered import (
+        Appearance,
+        FlashLight,
+        NaturalLight,
+        PolarizedLight,
+    )
 
 PLY, GLB, LIGHT, MATERIALS = "appearance.ply", "appearance.glb", "light.json", "materials.json"
 BASE, ROUGHNESS, METALLIC, CONFIDENCE = "base_color", "roughness", "metallic", "confidence"
+NORMAL = "normal"
 MODEL_GLB, MODEL_OBJ = "model.glb", "model.obj"
 
 
@@ -134,21 +140,29 @@ def _most(label: NDArray[np.intp]) -> NDArray[np.intp]:
 def write_textured(folder: Path, mesh: Mesh, pages: Pages, plan: OutputPlan) -> tuple[str, ...]:
     """Write the textured model and its pages as images; returns the file names."""
     base = write_pages(folder / BASE, pages.base.pages, "png")
-    if pages.orm is None or pages.confidence is None:
+    surface = pages.surface
+    if surface is None:
         models = write_texture(folder, mesh, pages.base, plan)
         return (*models, *(image.name for image in base))
-    model = textured_mesh(mesh, replace(pages.base, kept=None))  # uv on each page in 0..1
-    rough = _write_gray(folder / ROUGHNESS, [page[..., 1] for page in pages.orm])
-    metal = _write_gray(folder / METALLIC, [page[..., 2] for page in pages.orm])
-    sure = _write_gray(folder / CONFIDENCE, pages.confidence)
-    orm = write_pages(folder / "inside_orm", pages.orm, "png")
-    images = Images(base, orm)
+    flat = replace(pages.base, kept=None)  # uv on each page in 0..1
+    model = replace(textured_mesh(mesh, flat), normal_map=surface.normal_map)
+    rough = _write_gray(folder / ROUGHNESS, [page[..., 1] for page in surface.orm])
+    metal = _write_gray(folder / METALLIC, [page[..., 2] for page in surface.orm])
+    sure = _write_gray(folder / CONFIDENCE, surface.confidence)
+    bumps = surface.normal_map.pages if surface.normal_map else ()
+    normal = write_pages(folder / NORMAL, bumps, "png")
+    mirrors, factor = (
+        (surface.specular.pages, surface.specular.factor) if surface.specular else ((), 1.0)
+    )
+    orm = write_pages(folder / "inside_orm", surface.orm, "png")
+    specular = write_pages(folder / "inside_specular", mirrors, "png")
+    images = Images(base, orm, normal, specular, factor)
     write_lit_glb(folder / MODEL_GLB, model, images, plan.standing, plan.provenance)
-    for image in orm:
+    for image in (*orm, *specular):
         image.unlink()
     maps = list(zip(rough, metal, strict=True))
-    written = write_obj(folder / MODEL_OBJ, model, base, plan.provenance.lines, maps)
-    files = [folder / MODEL_GLB, *written, *base, *rough, *metal, *sure]
+    written = write_obj(folder / MODEL_OBJ, model, [*base, *normal], plan.provenance.lines, maps)
+    files = [folder / MODEL_GLB, *written, *base, *rough, *metal, *sure, *normal]
     return tuple(file.name for file in files)
 
 
@@ -161,8 +175,10 @@ def _write_gray(stem: Path, pages: Sequence[NDArray[np.uint8]]) -> list[Path]:
     return files
 
 
-def light_facts(appearance: Appearance, kind: LightKind) -> dict[str, Any]:
-    """What light.json holds. kind: of light that was looked for."""
+def light_facts(
+    appearance: Appearance, kind: LightKind, pages: Pages | None = None
+) -> dict[str, Any]:
+    """What light.json holds. kind: of light that was looked for; pages: if there are any."""
     verdict = appearance.verdict
     told = {
         "kind": kind,
@@ -173,11 +189,11 @@ def light_facts(appearance: Appearance, kind: LightKind) -> dict[str, Any]:
     }
     light = flash_of(appearance)
     if kind == "flash":
-        return told | ({} if light is None else _flash_facts(light))
+        return told | ({} if light is None else _flash_facts(light)) | _normal_facts(pages)
     if kind == "turntable":
         return told | _room_facts(appearance)
     if kind == "polarized":
-        return told | _sky_facts(appearance) | _room_facts(appearance) | _output(appearance)
+        return told | _room_facts(appearance) | _sky_facts(appearance) | _output(appearance)
     return told | _sky_facts(appearance)
 
 
@@ -208,16 +224,31 @@ def _room_facts(appearance: Appearance) -> dict[str, Any]:
 
 
 def _sky_facts(appearance: Appearance) -> dict[str, Any]:
-    from texproj.appearance.recovered import NaturalLight  # noqa: PLC0415 - slow to load
+    from texproj.appearance.recovered import DaysLight, NaturalLight  # noqa: PLC0415
 
     light = appearance.light
+    if isinstance(light, DaysLight):
+        days = {name: _sky(day) for name, day in light.days.items()}
+        return {"sun": None, "sun_irradiance": None, "sky": None, "days": days}
     if not isinstance(light, NaturalLight):
         return {"sun": None, "sun_irradiance": None, "sky": None}
+    return _sky(light)
+
+
+def _sky(light: NaturalLight) -> dict[str, Any]:
     return {
         "sun": None if light.to_sun is None else light.to_sun.tolist(),
         "sun_irradiance": None if light.sun is None else light.sun.tolist(),
         "sky": light.sky.tolist(),
     }
+
+
+def _normal_facts(pages: Pages | None) -> dict[str, Any]:
+    """Whether pages have normals of their own, and by what that was judged."""
+    if pages is None or pages.surface is None or pages.surface.normals is None:
+        return {}
+    verdict = pages.surface.normals
+    return {"normals": {**vars(verdict), "reason": verdict.reason}}
 
 
 def _flash_facts(light: FlashLight) -> dict[str, Any]:

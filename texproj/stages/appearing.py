@@ -87,6 +87,7 @@ def light_lines(light: dict[str, Any]) -> Iterator[str]:
             " highlight"
         )
         yield f"base color: {'reflectance' if light['absolute'] else 'known up to a factor'}"
+        yield from _normals_line(light.get("normals"))
         return
     if light["kind"] == "polarized":
         yield "polarized: paint from photos-crossed/, mirrors from what photos/ show beyond it"
@@ -104,8 +105,10 @@ def light_lines(light: dict[str, Any]) -> Iterator[str]:
         )
         yield f"base color: {known_as(light)}"
         return
-    sun = light["sun"]
-    if sun is None:
+    sun, days = light["sun"], light.get("days", {})
+    if days:
+        yield f"light: that of {len(days)} days, {', '.join(days)}, each of its own"
+    elif sun is None:
         yield "light: a sky, no sun"
     else:
         x, y, z = sun
@@ -120,6 +123,19 @@ def light_lines(light: dict[str, Any]) -> Iterator[str]:
 def known_as(light: dict[str, Any]) -> str:
     """What the base color is."""
     return "reflectance" if light["absolute"] else "known up to a factor; a color chart fixes it"
+
+
+def _normals_line(told: dict[str, Any] | None) -> Iterator[str]:
+    """What was found of normals finer than the mesh's, for people."""
+    if told is None:
+        return
+    if not told["accepted"]:
+        yield f"normals: those of the mesh; {told['reason']}"
+        return
+    yield (
+        f"normals: {100 * told['share']:.0f} % of the surface has its own; with them photos left"
+        f" out are predicted by {told['own_db']:.1f} dB, with the mesh's by {told['mesh_db']:.1f}"
+    )
 
 
 def appearance_project(
@@ -146,13 +162,13 @@ def appearance_project(
     failed |= colors.failed
     if not set(cameras) - set(failed):
         raise InputError(f"no photo could be read: {'; '.join(failed.values())}")
-    light = light_facts(appearance, kind_of(project, appearance))
+    pages = found_pages(bench, appearance, progress) if to == "texture" else None
+    light = light_facts(appearance, kind_of(project, appearance), pages)
     used = [name for name in cameras if name not in failed]
     plan = replace(plan, provenance=provenance_of(project, used))
     with staging(project.out) as folder:
         files = write_appearance(folder, bench.source, appearance, plan, light)
-        if to == "texture":
-            pages = found_pages(bench, appearance, progress)
+        if pages is not None:
             files += write_textured(folder, bench.mesh, pages, plan)
     remove_leftovers(project, before, files)
     record = {

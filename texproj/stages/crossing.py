@@ -25,7 +25,7 @@ from texproj.stages.freshness import Inputs, file_inputs
 if TYPE_CHECKING:
     from texproj.appearance.flash.lamp import Lamp
     from texproj.appearance.recovered import Appearance
-    from texproj.appearance.turntable.sightings import Readings
+    from texproj.appearance.sightings import Readings
     from texproj.color.sampling.photo_set import PhotoSet
     from texproj.resources.scratch import Scratch
     from texproj.stages.progress import Progress
@@ -49,13 +49,9 @@ class PhotoPairs:
     def without(self, names: Collection[str]) -> PhotoPairs:
         """The pairs but those of some photos, which cannot be read."""
         rows = [n for n, name in enumerate(self.crossed.names) if name not in names]
-        parallel, crossed = _some(self.parallel, rows), _some(self.crossed, rows)
+        left = [name for name in self.crossed.names if name not in names]
+        parallel, crossed = self.parallel.subset(left), self.crossed.subset(left)
         return PhotoPairs(parallel, crossed, self.exposure[rows], self.failed)
-
-
-def _some(photos: PhotoSet, rows: list[int]) -> PhotoSet:
-    names, cameras = tuple(photos.names[n] for n in rows), tuple(photos.cameras[n] for n in rows)
-    return replace(photos, names=names, cameras=cameras)
 
 
 def photo_pairs(project: Project, cameras: Mapping[str, Camera]) -> PhotoPairs:
@@ -120,9 +116,11 @@ def crossed_inputs(project: Project) -> Inputs:
 
 
 def with_mirrors(
-    bench: Workbench, pairs: PhotoPairs, appearance: Appearance, progress: Progress
+    bench: Workbench, pairs: PhotoPairs, appearance: Appearance, blend: Floats, progress: Progress
 ) -> Appearance:
-    """An appearance that the crossed photos told, with what is mirrored beside it."""
+    """An appearance that the crossed photos told, with what is mirrored beside it; blend: (V, 3)
+    their colors, which stay where the two sets are no pairs.
+    """
     from texproj.appearance.polarized.soft_mirror import pairs_of, with_mirror  # noqa: PLC0415
     from texproj.resources.scratch import Scratch  # noqa: PLC0415
 
@@ -135,12 +133,13 @@ def with_mirrors(
         )
         refusal = pairs_of(parallel, crossed, pairs.exposure).refusal
         if refusal:
-            return replace(appearance, accepted=False, reason=refusal, light=None, irradiance=None)
+            refused = replace(appearance, accepted=False, reason=refusal, light=None)
+            return replace(refused, base=np.clip(blend, 0, 1), irradiance=None, absolute=False)
         return with_mirror(bench.mesh, appearance, parallel, crossed, pairs.exposure)
 
 
 def _readings(bench: Workbench, photos: PhotoSet, scratch: Scratch, progress: Progress) -> Readings:
-    from texproj.appearance.turntable.sightings import Readings  # noqa: PLC0415 - slow to load
+    from texproj.appearance.sightings import Readings  # noqa: PLC0415 - slow to load
 
     def tell(done: int) -> None:
         progress("mirrors", done, len(photos), "")

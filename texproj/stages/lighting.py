@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -22,8 +23,7 @@ from texproj.stages.crossing import (
 from texproj.stages.progress import Progress
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from texproj.appearance.flash.flash_pages import SurfacePages
     from texproj.appearance.flash.lamp import Lamp
     from texproj.appearance.natural import Chart
     from texproj.appearance.recovered import Appearance
@@ -33,19 +33,22 @@ if TYPE_CHECKING:
 HIGHLIGHT = 1.0
 """How strongly highlights are distrusted: they are none of the surface's color."""
 
+DAY = len("2026-05-17")
+DAY_PHOTOS = 4
+"""Fewer tell no light of their own."""
+
 Target = Literal["vertices", "texture"]
 LightKind = Literal["natural", "flash", "turntable", "polarized"]
 
 
 @dataclass(frozen=True, eq=False)
 class Pages:
-    """A texture of base colors; orm: of each page (h, w, 3) uint8 occlusion, roughness, metallic;
-    confidence: of each page (h, w) uint8. Both None where the light tells nothing of gloss.
+    """A texture of base colors; surface: what else a flash tells on its pages, None where the light
+    tells nothing of gloss.
     """
 
     base: Texture
-    orm: tuple[NDArray[np.uint8], ...] | None = None
-    confidence: tuple[NDArray[np.uint8], ...] | None = None
+    surface: SurfacePages | None = None
 
 
 def kind_of(project: Project, found: Appearance | None = None) -> LightKind:
@@ -120,24 +123,31 @@ def with_chart(project: Project) -> Project:
 
 def found_appearance(bench: Workbench, progress: Progress) -> tuple[VertexColors, Appearance]:
     """What the photos show at the vertices, and what of that is the surface's own."""
-    from texproj.color.vertices import color_vertices  # noqa: PLC0415 - slow to load
-
     project = with_chart(bench.project)
     cameras, said = usable_cameras(project)[0], project.settings.light.kind
     pairs = photo_pairs(project, cameras) if said == "polarized" else None
     photos = photo_set(project, cameras) if pairs is None else pairs.crossed
 
-    def tell(done: int, total: int) -> None:
-        progress("color", done, total, "")
-
-    options, checker = _blending(project.settings.color, "vertices"), checker_of(project)
-    colors = color_vertices(bench.mesh, photos, bench.renderer, options, checker, tell)
+    colors = _blended(bench, photos, progress)
     if pairs is not None:
         colors = replace(colors, failed=colors.failed | pairs.failed)
         return colors, _polarized(bench, colors, pairs, progress)
     if said == "flash":
         return colors, _under_flash(bench, colors, progress)
     return colors, _by_lamps_or_sky(bench, colors, _readable(bench, colors), progress)
+
+
+def _blended(bench: Workbench, photos: PhotoSet, progress: Progress) -> VertexColors:
+    """What photos agree on at the vertices."""
+    from texproj.color.vertices import color_vertices  # noqa: PLC0415 - slow to load
+
+    project = with_chart(bench.project)
+
+    def tell(done: int, total: int) -> None:
+        progress("color", done, total, "")
+
+    options, checker = _blending(project.settings.color, "vertices"), checker_of(project)
+    return color_vertices(bench.mesh, photos, bench.renderer, options, checker, tell)
 
 
 def _by_lamps_or_sky(
@@ -149,17 +159,43 @@ def _by_lamps_or_sky(
         turned = _on_turntable(bench, colors, photos, progress)
         if said == "turntable" or turned.accepted:
             return turned
-    return _in_nature(bench, colors, progress)
+    return _in_nature(bench, colors, photos, progress)
 
 
-def _in_nature(bench: Workbench, colors: VertexColors, progress: Progress) -> Appearance:
+def _in_nature(
+    bench: Workbench, colors: VertexColors, photos: PhotoSet, progress: Progress
+) -> Appearance:
     from texproj.appearance.natural import natural_appearance  # noqa: PLC0415 - slow to load
 
     def tell(done: int, total: int) -> None:
         progress("appearance", done, total, "")
 
-    given = bench.mesh, colors.rgb, colors.weight > 0, _chart_of(colors), tell
-    return natural_appearance(*given, _gloss_of(bench.project))
+    gloss = _gloss_of(bench.project)
+
+    def found(shown: VertexColors) -> Appearance:
+        seen, chart = shown.weight > 0, _chart_of(shown)
+        return natural_appearance(bench.mesh, shown.rgb, seen, chart, tell, gloss)
+
+    days = days_of(bench.project, photos.names)
+    if not days:
+        return found(colors)
+    from texproj.appearance.days import of_several_days  # noqa: PLC0415 - slow to load
+
+    each = {
+        day: found(_blended(bench, photos.subset(names), progress)) for day, names in days.items()
+    }
+    return of_several_days(bench.mesh, each, colors.rgb, colors.weight > 0)
+
+
+def days_of(project: Project, names: Sequence[str]) -> dict[str, list[str]]:
+    """The photos by the day on which EXIF says they were taken; empty where that is one, or where
+    some photo does not say it, or a day has too few.
+    """
+    out: dict[str, list[str]] = {}
+    for name in names:
+        out.setdefault(project.photo_info(name).taken[:DAY], []).append(name)
+    several = len(out) > 1 and "" not in out and min(map(len, out.values())) >= DAY_PHOTOS
+    return out if several else {}
 
 
 def _on_turntable(
@@ -189,7 +225,7 @@ def _polarized(
         blend = colors.rgb, colors.weight > 0
         return by_polarized_flash(bench, pairs, lamp_of(bench.project), blend, progress)
     found = _by_lamps_or_sky(bench, colors, pairs.crossed, progress)
-    return with_mirrors(bench, pairs, found, progress)
+    return with_mirrors(bench, pairs, found, colors.rgb, progress)
 
 
 def _gloss_of(project: Project) -> float:
@@ -259,8 +295,8 @@ def _pages(bench: Workbench, appearance: Appearance, colored: Texture, progress:
     def tell(done: int) -> None:
         progress("flash", done, len(photos), "")
 
-    made: Any = flash_pages(given, photos, bench.renderer, appearance, tell)
-    return Pages(made.base, made.orm, made.confidence)
+    made = flash_pages(given, photos, bench.renderer, appearance, tell)
+    return Pages(made.base, made)
 
 
 def _blending(options: ColorOptions, to: Target) -> ColorOptions:

@@ -17,12 +17,16 @@ from texproj.appearance.relight import (
     Environment,
     Illumination,
     Lamp,
+    Lens,
     LitSurface,
     Sun,
     ToneName,
+    check_tracer,
     exposure_of_ev,
     overcast,
+    pictures_through,
     relit_pictures,
+    traced_pictures,
 )
 from texproj.appearance.relight.environment import all_directions
 from texproj.appearance.relight.tone import ev_of_exposure, metered
@@ -40,6 +44,7 @@ from texproj.stages.appearance_files import LIGHT, MODEL_GLB, PLY
 from texproj.stages.appearing import STAGE as APPEARANCE
 from texproj.stages.appearing import appearance_freshness
 from texproj.stages.bench import Workbench
+from texproj.stages.coloring import STAGE as COLOR
 from texproj.stages.depicting import registered_cameras
 from texproj.stages.film_path import film_path
 from texproj.stages.outcomes import Tally
@@ -51,6 +56,7 @@ from texproj.stages.turning import (
     replace_record,
     write_film,
 )
+from texproj.standing import METRES
 
 STAGE = "relight"
 PICTURE = "relit"
@@ -59,6 +65,8 @@ SUN_LUX, SKY_LUX = 90_000.0, 12_000.0
 LAMP_LUX = 1_000.0
 """Of a lamp at the middle of the piece."""
 KELVIN = 1000, 25000
+LENSES = 0.5, 64
+"""Numbers of apertures that have been made."""
 NO_SKY, OVERCAST, PHOTOGRAPHED = "none", "overcast", "photographed"
 
 
@@ -78,7 +86,8 @@ class RelightOptions:
     """suns, lamps: where they are; sky: "none", "overcast", "photographed" or a file, None =
     overcast, but none where there are only lamps; kelvin: color of suns and lamps, None = white;
     ev: exposure at ISO 100, None = as a camera meters; tone: the curve; photo: the photo from whose
-    camera is looked, None = the front; film: None = one picture; its options.
+    camera is looked, None = the front; film: None = one picture; f_number: of a lens, None = all is
+    sharp; traced: by the path tracer; turn: options of the film.
     """
 
     suns: tuple[Place, ...] = ()
@@ -89,6 +98,8 @@ class RelightOptions:
     tone: ToneName = "filmic"
     photo: str | None = None
     film: Film | None = None
+    f_number: float | None = None
+    traced: bool = False
     turn: TurntableOptions = field(default_factory=TurntableOptions)
 
     def __post_init__(self) -> None:
@@ -96,6 +107,8 @@ class RelightOptions:
             raise UsageError(f"--ev {self.ev:g} is not between -20 and 40")
         if self.kelvin is not None and not KELVIN[0] <= self.kelvin <= KELVIN[1]:
             raise UsageError(f"--kelvin {self.kelvin:g} is not between {KELVIN[0]} and {KELVIN[1]}")
+        if self.f_number is not None and not LENSES[0] <= self.f_number <= LENSES[1]:
+            raise UsageError(f"--lens {self.f_number:g} is not between {LENSES[0]} and {LENSES[1]}")
         if self.film is not None and self.photo is not None:
             raise UsageError("--photo shows one picture; leave out --film")
         for place in (*self.suns, *self.lamps):
@@ -137,6 +150,8 @@ def relight_project(
     yet, UsageError, OutputError.
     """
     project = bench.project
+    if options.traced:
+        check_tracer()
     surface = recovered_surface(project)
     changed = changed_since(project)
     cameras = registered_cameras(project.load_cameras())
@@ -145,7 +160,7 @@ def relight_project(
     light = illumination(project, options, surface, cameras)
     exposure = None if options.ev is None else exposure_of_ev(options.ev)
     shown: list[Bytes] = []
-    for layers in relit_pictures(bench.renderer, surface, light, views):
+    for layers in _pictures(bench, options, surface, light, views):
         exposure = metered(layers) if exposure is None else exposure
         shown.append(on_backdrop(Development(exposure, options.tone).developed(layers)))
         progress(STAGE, len(shown), len(views), "")
@@ -155,6 +170,32 @@ def relight_project(
     assert exposure is not None  # there is a first picture
     files = tuple(project.out / name for name in names)
     return RelightOutcome(files, ev_of_exposure(exposure), notes + changed)
+
+
+def _pictures(
+    bench: Workbench, options: RelightOptions, surface: LitSurface, light: Illumination,
+    views: Sequence[Camera],
+) -> Iterator[Floats]:  # fmt: skip
+    """What the cameras see, by what was asked for."""
+    lens = _lens(bench, options, views[0]) if options.f_number is not None else None
+    if options.traced:
+        return traced_pictures(surface, light, views, lens)
+    if lens is not None:
+        return pictures_through(lens, bench.renderer, surface, light, views)
+    return relit_pictures(bench.renderer, surface, light, views)
+
+
+def _lens(bench: Workbench, options: RelightOptions, view: Camera) -> Lens:
+    """Of the size that a camera of full frame has, its focus where the piece is nearest."""
+    assert options.f_number is not None
+    output = bench.project.settings.output
+    depth = view.pose.apply(bench.mesh.vertices)[:, 2]
+    seen = depth[depth > 0]
+    if not len(seen):
+        raise InputError("the piece lies behind the camera; there is nothing to focus on")
+    focus = float(np.median(view.pose.apply(bench.mesh.center[None])[:, 2]))
+    focus = (float(seen.min()) + max(focus, float(seen.min()))) / 2
+    return Lens.of(view, options.f_number, METRES[output.unit], focus)
 
 
 def changed_since(project: Project) -> tuple[str, ...]:
@@ -178,11 +219,22 @@ def recovered_surface(project: Project) -> LitSurface:
     vertices = read_model(path)
     assert isinstance(vertices, ColoredMesh)
     glb = project.out / MODEL_GLB
-    if MODEL_GLB not in outputs or outputs[MODEL_GLB] != project.hash_of(glb):
+    if MODEL_GLB not in outputs or _colored_since(project):
         return LitSurface(vertices, values["roughness"], values["metallic"])
+    if outputs[MODEL_GLB] != project.hash_of(glb):
+        raise InputError(
+            f"{glb} is not what `texproj appearance` wrote; run `texproj appearance"
+            f" {project.root} --to texture`"
+        )
     model = read_model(glb)
     row = _same_place(model, vertices)
     return LitSurface(model, values["roughness"][row], values["metallic"][row])
+
+
+def _colored_since(project: Project) -> bool:
+    """Whether `color` wrote its own model over the one of `appearance`."""
+    made = (project.load_record(COLOR) or {}).get("outputs", {}).get(MODEL_GLB)
+    return made is not None and made == project.hash_of(project.out / MODEL_GLB)
 
 
 def _same_place(model: TexturedMesh | ColoredMesh, vertices: ColoredMesh) -> Any:

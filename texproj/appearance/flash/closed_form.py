@@ -91,9 +91,21 @@ def fit_terms(seen: Observations, slope: Floats, offset: Floats, rounds: int) ->
         off[open_ended] *= ~over
         square = np.einsum("ij,ij,ij->i", off, off, seen.inverse_variance) / 3
         loss = 1 / (1 + square / np.float32(CAUCHY**2))
+    return Fit(color, _mean_log(seen, square))
+
+
+def misfit(seen: Observations, slope: Floats, offset: Floats, color: Floats) -> Floats:
+    """(n,) costs, as in `Fit`, of colors (n, 3) that are given."""
+    off = seen.rgb - offset - slope * color[seen.point]
+    off *= ~(seen.cut & (off < 0))
+    return _mean_log(seen, np.einsum("ij,ij,ij->i", off, off, seen.inverse_variance) / 3)
+
+
+def _mean_log(seen: Observations, square: Floats) -> Floats:
+    """(n,) mean of log(1 + squared standard deviations (m,))."""
     cost = seen.sums((np.log1p(square) * seen.trust)[:, None])[:, 0]
     total = np.maximum(seen.sums(seen.trust[:, None])[:, 0], 1e-20)
-    return Fit(color, np.divide(cost, total, dtype=np.float32))
+    return np.divide(cost, total, dtype=np.float32)
 
 
 def predicted(slope: Floats, offset: Floats, seen: Observations, color: Floats) -> Floats:

@@ -13,6 +13,7 @@ from texproj.appearance.flash.closed_form import fit_lambert, fit_material
 from texproj.appearance.flash.found import HIGHLIGHT, Found
 from texproj.appearance.flash.observations import Observations, Surfel, observe
 from texproj.appearance.flash.sampled import FlashSamples
+from texproj.appearance.flash.tilt import Turning, tilts
 from texproj.appearance.flash.voting import (
     PLACE,
     mesh_neighbors,
@@ -52,13 +53,14 @@ UNLIT = 0.5
 @dataclass(frozen=True, eq=False)
 class Points:
     """Of n points: color (n, 3), label (n,) into the materials, sure (n,) 0..1, number (n,) of
-    observations.
+    observations, normal (n, 3) unit.
     """
 
     color: Floats
     label: Index
     sure: Floats
     number: Index
+    normal: Floats
 
     @property
     def seen(self) -> Bools:
@@ -68,7 +70,7 @@ class Points:
 @dataclass(frozen=True, eq=False)
 class _Tried:
     """Of n points and k materials: cost (n, k), colors (n, k, 3), matte (n, 3), number and nearest
-    highlight (n,).
+    highlight (n,), normal (n, 3).
     """
 
     cost: Floats
@@ -76,6 +78,7 @@ class _Tried:
     matte: Floats
     number: Index
     highlight: Floats
+    normal: Floats
 
 
 def points_of(
@@ -85,8 +88,8 @@ def points_of(
     surfel = samples.points.surfel(number)
     for piece in samples.store.pieces(number):
         part = Surfel(surfel.xyz[piece], surfel.normal[piece])
-        stack = samples.store.read(number, piece)
-        seen = observe(part, stack, found.flashes, found.lamp, samples.shadows)
+        shown = samples.read(number, piece)
+        seen = observe(part, shown, found.flashes, found.lamp, samples.shadows)
         around = found.field.at(part, seen.point, seen.photo)
         yield piece, part, replace(seen, around=around)
 
@@ -98,7 +101,7 @@ def vertices_everywhere(
     tried, done = [], 0
     for number in range(len(samples.points.sizes)):
         for _, part, seen in points_of(samples, found, number):
-            tried.append(_tried(seen, found))
+            tried.append(_tried(part, seen, found))
             done += len(part.xyz)
             progress(done)
     whole = _Tried(*(np.concatenate([getattr(t, k) for t in tried]) for k in vars(tried[0])))
@@ -112,25 +115,43 @@ def vertices_everywhere(
     return _chosen(xyz, whole, label, sure, found)
 
 
-def texels_everywhere(samples: FlashSamples, found: Found, number: int, allowed: Bools) -> Points:
+def texels_everywhere(
+    samples: FlashSamples, found: Found, number: int, allowed: Bools, tilted: bool
+) -> Points:
     """The texels of a chunk. allowed: (n, k) the materials of the corners of their faces, of which
-    each texel takes the one that fits best.
+    each texel takes the one that fits best; tilted: normals are told by the photos too.
     """
     parts = []
     for piece, part, seen in points_of(samples, found, number):
-        tried = _tried(seen, found)
-        cost = np.where(allowed[piece], tried.cost, np.inf)
-        label = np.argmin(cost, axis=1)
-        parts.append(_chosen(part.xyz, tried, label, np.ones(len(label), np.float32), found))
+        points = texels_by_material(part, seen, found, allowed[piece])
+        parts.append(tilted_points(part, seen, points, found) if tilted else points)
     return Points(*(np.concatenate([getattr(p, k) for p in parts]) for k in vars(parts[0])))
 
 
-def _tried(seen: Observations, found: Found) -> _Tried:
+def texels_by_material(part: Surfel, seen: Observations, found: Found, allowed: Bools) -> Points:
+    """Some texels with the normals of the mesh."""
+    tried = _tried(part, seen, found)
+    label = np.argmin(np.where(allowed, tried.cost, np.inf), axis=1)
+    return _chosen(part.xyz, tried, label, np.ones(len(label), np.float32), found)
+
+
+def tilted_points(part: Surfel, seen: Observations, points: Points, found: Found) -> Points:
+    """The same with normals of their own, where the photos tell them; the color of metals stays,
+    since it is known from others.
+    """
+    kinds = np.array([kind.values for kind in found.kinds], np.float32)
+    metal = kinds[points.label, 1] > 0.5
+    turning = Turning.of(part, seen, found.flashes, found.shadows.center)
+    told = tilts(turning, kinds[points.label[seen.point]].T, metal, points.color)
+    return replace(points, color=told.color, normal=turning.normals(told.tilt))
+
+
+def _tried(part: Surfel, seen: Observations, found: Found) -> _Tried:
     fits = [fit_material(seen, kind) for kind in found.kinds]
     return _Tried(
         np.stack([fit.cost for fit in fits], axis=1),
         np.stack([fit.color for fit in fits], axis=1),
-        fit_lambert(seen).color, seen.number, seen.nearest_highlight(),
+        fit_lambert(seen).color, seen.number, seen.nearest_highlight(), part.normal,
     )  # fmt: skip
 
 
@@ -153,7 +174,7 @@ def _chosen(xyz: Floats, tried: _Tried, label: Index, sure: Floats, found: Found
     out[metals[~far]] = mixed[~far]
     sure = sure * (tried.number / (tried.number + HALF)) * np.where(lit, 1, UNLIT)
     sure[alone] *= 0.5
-    return Points(out, label, sure.astype(np.float32), tried.number)
+    return Points(out, label, sure.astype(np.float32), tried.number, tried.normal)
 
 
 class _Mirrors:

@@ -11,7 +11,7 @@ import numpy as np
 from texproj.appearance.flash.closed_form import fit_each, fit_lambert, labelled_terms, predicted
 from texproj.appearance.flash.found import HIGHLIGHT, Found, photo_gains
 from texproj.appearance.flash.observations import Observations
-from texproj.appearance.verdict import psnr
+from texproj.appearance.prediction import LEAST_GAIN_DB, Prediction, psnr
 from texproj.arrays import Floats
 
 EVERY = 7
@@ -21,29 +21,17 @@ FEWEST_PHOTOS = 5
 FEWEST = 200
 """Observations of held-out photos below which nothing is told."""
 
-LEAST_GAIN_DB = 1.0
-"""Better than the plain color by which a flash is believed: chance gives a few tenths."""
-
 
 @dataclass(frozen=True)
-class FlashVerdict:
-    """plain_db, matte_db, lit_db: how well photos that were held out are predicted by the plain
-    color, by a matte surface under the flash, and by the materials; PSNR as shown (sRGB), dB, each
-    flash's output free. highlights: part of the surface that saw its highlight; photos: how many
-    were held out.
+class FlashVerdict(Prediction):
+    """Of photos that were held out, each flash's output free. matte_db: as predicted by a matte
+    surface under the flash; highlights: part of the surface that saw its highlight; photos: how
+    many were held out.
     """
 
-    accepted: bool
-    plain_db: float
     matte_db: float
-    lit_db: float
     highlights: float
     photos: int
-
-    @property
-    def gain_db(self) -> float:
-        """How much better than the plain color."""
-        return self.lit_db - self.plain_db
 
     @property
     def refusal(self) -> str:
@@ -82,11 +70,11 @@ def judged(found: Found, held: list[int]) -> FlashVerdict:
     )
     told = [slope * color[test.point] + zero for slope, color in zip(slopes, fits[:2], strict=True)]
     told.append(predicted(*labelled_terms(test, found.kinds, found.label), test, fits[2]))
-    plain, matte, lit = (_psnr(test, one, len(found.flashes.cameras)) for one in told)
+    plain, matte, lit = (psnr_at_best_output(test, one, len(found.flashes.cameras)) for one in told)
     known = seen.number > 0
     share = float((seen.nearest_highlight() >= HIGHLIGHT)[known].mean()) if known.any() else 0.0
     good = len(test.point) >= FEWEST and lit - plain >= LEAST_GAIN_DB and lit >= matte
-    return FlashVerdict(bool(good), plain, matte, lit, share, len(held))
+    return FlashVerdict(bool(good), plain, lit, matte, share, len(held))
 
 
 def plain_color(seen: Observations) -> Floats:
@@ -96,8 +84,8 @@ def plain_color(seen: Observations) -> Floats:
     return np.divide(total, weight, dtype=np.float32)
 
 
-def _psnr(test: Observations, told: Floats, photos: int) -> float:
-    """Of each photo at its best output."""
+def psnr_at_best_output(test: Observations, told: Floats, photos: int) -> float:
+    """Decibels as shown (sRGB), of each photo at its best output; 0 without an observation."""
     if not len(test.point):
         return 0.0
     gain = photo_gains(test, told, photos)

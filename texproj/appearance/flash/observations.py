@@ -15,7 +15,6 @@ from texproj.appearance.flash.lamp import Lamp
 from texproj.appearance.flash.reflection import Angles
 from texproj.arrays import Bools, Doubles, Floats, Index
 from texproj.camera import Camera
-from texproj.color.sampling.store import Stack
 from texproj.render.rays import RayCaster
 
 LEAST_NV, LEAST_NL = 0.15, 0.1
@@ -154,13 +153,32 @@ class Observations:
         return replace(self, light=self.light * factor, around=around)
 
 
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """What p photos show of n points. photos: (p,) their numbers; rgb: (p, 3, n) linear light;
+    weight: (p, n), 0 where they do not see them; cut: (p, 3, n) where there was more light than
+    they could hold.
+    """
+
+    photos: Index
+    rgb: Floats
+    weight: Floats
+    cut: Bools
+
+    def of_points(self, chosen: Index) -> Shown:
+        """Some of the points."""
+        return Shown(
+            self.photos, self.rgb[:, :, chosen], self.weight[:, chosen], self.cut[:, :, chosen]
+        )
+
+
 def observe(
-    surfels: Surfel, stack: Stack, flashes: Flashes, lamp: Lamp, caster: LampShadows
+    surfels: Surfel, shown: Shown, flashes: Flashes, lamp: Lamp, caster: LampShadows
 ) -> Observations:
-    """What samples of photos say of points, under an intensity of 1 where the lamp's is unknown."""
-    point, row = np.nonzero((stack.weight > LEAST_TRUST).T)
-    photo = stack.photos[row]
-    rgb, trust = stack.rgb[row, :, point], stack.weight[row, point]
+    """What photos say of points, under an intensity of 1 where the lamp's is unknown."""
+    point, row = np.nonzero((shown.weight > LEAST_TRUST).T)
+    photo, cut = shown.photos[row], shown.cut[row, :, point]
+    rgb, trust = shown.rgb[row, :, point], shown.weight[row, point]
     xyz, normal = surfels.xyz[point], surfels.normal[point]
     to_eye, _ = unit((flashes.eye - caster.center).astype(np.float32)[photo] - xyz)
     to_lamp, distance = unit((flashes.place - caster.center).astype(np.float32)[photo] - xyz)
@@ -169,6 +187,7 @@ def observe(
     kept = np.flatnonzero(good)
     kept = kept[caster.lit(xyz[kept], normal[kept], to_lamp[kept], distance[kept])]
     point, photo, rgb, xyz = point[kept], photo[kept], rgb[kept], xyz[kept]
+    cut = cut[kept]
     nl, nv, to_lamp = nl[kept], nv[kept], to_lamp[kept]
     half, _ = unit(to_lamp + to_eye[kept])
     cosine = -dots(to_lamp, flashes.axis.astype(np.float32)[photo])
@@ -176,7 +195,6 @@ def observe(
     light *= nl / np.square(distance[kept])
     light *= np.float32(1 if lamp.intensity is None else lamp.intensity)
     nh, vh = dots(surfels.normal[point], half), dots(to_eye[kept], half)
-    cut = rgb >= CLIPPED
     through = _falloff(xyz + caster.center, photo, flashes, lamp)
     rgb = np.divide(rgb, np.maximum(through, 1e-3)[:, None], dtype=np.float32)
     seen = Observations(

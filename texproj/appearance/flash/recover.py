@@ -65,7 +65,7 @@ def flash_appearance(
     with closing(Scratch()) as scratch:
         points = FlashVertices.of(mesh)
         samples = FlashSamples.of(
-            mesh, FlashVertices(points.owners), photos, renderer, lamp, scratch,
+            mesh, points, photos, renderer, lamp, scratch,
             lambda done: progress("flash", done, len(photos)),
         )  # fmt: skip
         area = np.square(points.owners.spacing.astype(np.float64))

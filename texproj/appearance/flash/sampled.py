@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -12,9 +12,11 @@ import numpy as np
 from texproj.appearance.corners import barycentric
 from texproj.appearance.flash.lamp import Lamp
 from texproj.appearance.flash.observations import (
+    CLIPPED,
     Flashes,
     LampShadows,
     Observations,
+    Shown,
     Surfel,
     observe,
 )
@@ -24,11 +26,14 @@ from texproj.color.points.source import Chunk, Owners, PointSource, VertexPoints
 from texproj.color.points.texels import TexelPoints
 from texproj.color.sampling.gather import project_views
 from texproj.color.sampling.photo_set import PhotoSet, reasons
+from texproj.color.sampling.prepare import image_pyramid
+from texproj.color.sampling.sample import sample
 from texproj.color.sampling.store import SampleStore
-from texproj.color.sampling.view import PhotoView
+from texproj.color.sampling.view import WHITE, PhotoView
 from texproj.color.weights.surface import SurfaceView
 from texproj.mesh import Mesh, vertex_normals
 from texproj.options import ColorOptions
+from texproj.photo import Photo
 from texproj.render import Renderer
 from texproj.render.rays import RayCaster
 from texproj.resources.scratch import Scratch
@@ -38,6 +43,13 @@ READING = ColorOptions(
     angle_power=0, density_power=0, clipped_weight=1, focus_power=0, blend="robust", align=False
 )
 """Samples weighted by nothing but what is in the way: what light counts for is judged here."""
+
+
+WHITEST = 247
+"""Of 255: `CLIPPED` as it is stored."""
+
+SOME = 0.02
+"""Part of a sample at white from which on it is cut."""
 
 
 class FlashPoints(PointSource, Protocol):
@@ -91,25 +103,42 @@ class FlashTexels:
 
 
 @dataclass(eq=False)
-class _Orientations:
-    """Notes how each photo was turned upright."""
+class _Beside:
+    """Notes how each photo was turned upright, and samples where it is at white: a pixel beside a
+    highlight that was cut shows less than there was, and does not look cut once it is averaged.
+    """
 
-    found: dict[int, int] = field(default_factory=dict)
+    points: FlashPoints
+    white: SampleStore
+    orientation: dict[int, int] = field(default_factory=dict)
 
     def add(self, number: int, surface: SurfaceView, view: PhotoView) -> None:
-        del surface
-        self.found[number] = 1 if view.info is None else view.info.orientation
+        if view.info is None:
+            return
+        self.orientation[number] = view.info.orientation
+        first = view.levels[0]
+        limit = WHITEST if first.dtype == np.uint8 else CLIPPED * WHITE
+        cut = (first >= limit).astype(np.uint8) * 255
+        if not cut.any():
+            return
+        there = replace(view, levels=image_pyramid(Photo(view.info, cut)))
+        for chunk in range(len(self.points.sizes)):
+            samples = sample(self.points.chunk(chunk), surface, there)
+            if samples is not None:
+                self.white.add(number, chunk, samples)
 
 
 @dataclass(frozen=True, eq=False)
 class FlashSamples:
     """The samples of all photos at points of a mesh, on disk; a photo is read once.
 
-    failed: why photos could not be read, by name.
+    white: in place of colors, what part of each sample is at white; failed: why photos could not
+    be read, by name.
     """
 
     points: FlashPoints
     store: SampleStore
+    white: SampleStore
     flashes: Flashes
     shadows: LampShadows
     failed: dict[str, str]
@@ -126,22 +155,31 @@ class FlashSamples:
         progress: Callable[[int], None] = lambda _: None,
     ) -> FlashSamples:
         """Read all photos, one after the other. progress: called with the number that are done."""
-        seen = _Orientations()
+        beside = _Beside(points, SampleStore(points.sizes, scratch))
         with opencv_in_one_thread():
             with renderer.load(mesh) as scene:
                 photos = photos.rendered(scene, scratch)
             renderer.rest()
             views = photos.views(READING)
-            read = project_views(points, views, seen, READING, scratch, progress)
-        turned = [seen.found.get(number, 1) for number in range(len(photos))]
+            read = project_views(points, views, beside, READING, scratch, progress)
+        turned = [beside.orientation.get(number, 1) for number in range(len(photos))]
         flashes = Flashes.of(photos.cameras, lamp, turned)
-        return cls(points, read.samples, flashes, shadows_of(mesh), reasons(read.failed))
+        shadows = shadows_of(mesh)
+        return cls(points, read.samples, beside.white, flashes, shadows, reasons(read.failed))
 
     def observations(self, chunk: int, rows: slice, flashes: Flashes, lamp: Lamp) -> Observations:
         """What the photos say of some points of a chunk."""
         surfel = self.points.surfel(chunk)
         part = Surfel(surfel.xyz[rows], surfel.normal[rows])
-        return observe(part, self.store.read(chunk, rows), flashes, lamp, self.shadows)
+        return observe(part, self.read(chunk, rows), flashes, lamp, self.shadows)
+
+    def read(self, chunk: int, rows: slice) -> Shown:
+        """What the photos show of some points of a chunk."""
+        stack = self.store.read(chunk, rows)
+        part = self.white.read(chunk, rows)
+        cut = np.zeros(stack.rgb.shape, bool)
+        cut[np.searchsorted(stack.photos, part.photos)] = part.rgb > SOME
+        return Shown(stack.photos, stack.rgb, stack.weight, cut | (stack.rgb >= CLIPPED))
 
 
 def shadows_of(mesh: Mesh) -> LampShadows:
@@ -161,11 +199,10 @@ def subset(samples: FlashSamples, chosen: Index, lamp: Lamp) -> tuple[Surfel, Ob
         surfel = samples.points.surfel(number)
         for piece in samples.store.pieces(number):
             part = rows[(rows >= piece.start) & (rows < piece.stop)] - piece.start
-            stack = samples.store.read(number, piece)
-            stack = type(stack)(stack.photos, stack.rgb[:, :, part], stack.weight[:, part])
+            shown = samples.read(number, piece).of_points(part)
             own = Surfel(surfel.xyz[piece][part], surfel.normal[piece][part])
             surfels.append(own)
-            seen.append(observe(own, stack, samples.flashes, lamp, samples.shadows))
+            seen.append(observe(own, shown, samples.flashes, lamp, samples.shadows))
     together = Surfel(
         *(np.concatenate([getattr(s, k) for s in surfels]) for k in ("xyz", "normal"))
     )

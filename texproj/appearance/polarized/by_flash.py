@@ -131,7 +131,9 @@ def polarized_flash_appearance(
         kinds = _mirrors(seen, pairs, paints.labels(seen), len(paints.centers))
         flashes = dark.flashes.with_gain(gain * np.float32(unit))
         found = _Found(lamp, flashes, paints, kinds)
-        return _everywhere(mesh, dark, bright, sets, found, verdict)
+        made = _everywhere(mesh, dark, bright, sets, found, verdict)
+    irradiance = (blend.rgb / np.maximum(made.base, np.float32(1e-3))).astype(np.float32)
+    return replace(made, irradiance=irradiance)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,32 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from texproj.appearance.flash.observations import Observations
-from texproj.appearance.verdict import psnr
+from texproj.appearance.prediction import LEAST_GAIN_DB, Prediction, psnr
 from texproj.arrays import Doubles, Floats
 
 FEWEST = 200
 """Observations of held-out photos below which nothing is told."""
 
-LEAST_GAIN_DB = 1.0
-"""Better than the plain color by which a flash is believed: chance gives a few tenths."""
-
 
 @dataclass(frozen=True)
-class PairVerdict:
-    """plain_db, lit_db: how well crossed photos that were held out are predicted by plain colors,
-    and by paint under the flash: PSNR as shown (sRGB), dB, each flash's output free. photos: how
-    many were held out.
-    """
+class PairVerdict(Prediction):
+    """Of crossed photos that were held out, each flash's output free. photos: how many."""
 
-    accepted: bool
-    plain_db: float
-    lit_db: float
     photos: int
-
-    @property
-    def gain_db(self) -> float:
-        """How much better than plain colors."""
-        return self.lit_db - self.plain_db
 
     @property
     def refusal(self) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from texproj.appearance.polarized.differences import Pairs, paired
 from texproj.appearance.recovered import Appearance
-from texproj.appearance.turntable.sightings import Readings, Sightings
+from texproj.appearance.sightings import Readings, Sightings
 from texproj.arrays import Floats
 from texproj.color.filling.vertices import fill_vertices
 from texproj.mesh import Mesh

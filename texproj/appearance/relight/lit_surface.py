@@ -8,16 +8,17 @@ from functools import cached_property
 import numpy as np
 
 from texproj.arrays import Floats
-from texproj.mesh import ColoredMesh, Mesh, TexturedMesh
-from texproj.render.model import Met, Paint, paint_of
+from texproj.mesh import ColoredMesh, Mesh, TexturedMesh, vertex_normals
+from texproj.render.model import Met, Paint, bumps_of, paint_of
+from texproj.tangent_frames import colors_as_directions
 
 CORNERS = np.eye(3, dtype=np.float32)
 
 
 @dataclass(frozen=True, eq=False)
 class LitSurface:
-    """model: the base color, in vertices or textures; roughness, metallic: (V,) float32 in 0..1 of
-    its vertices.
+    """model: the base color, in vertices or textures, and normals of its own if it has any;
+    roughness, metallic: (V,) float32 in 0..1 of its vertices.
     """
 
     model: TexturedMesh | ColoredMesh
@@ -27,6 +28,29 @@ class LitSurface:
     @cached_property
     def mesh(self) -> Mesh:
         return Mesh(self.model.vertices, self.model.faces)
+
+    @cached_property
+    def normals(self) -> Floats:
+        """(V, 3) unit normals: the model's own, which do not end where its texture is cut."""
+        own = self.model.normals
+        return (vertex_normals(self.mesh) if own is None else own).astype(np.float32)
+
+    @cached_property
+    def _bumps(self) -> tuple[Paint, Floats] | None:
+        paint = bumps_of(self.model)
+        if paint is None or not isinstance(self.model, TexturedMesh):
+            return None
+        assert self.model.normal_map is not None
+        frames = self.model.normal_map.tangents.astype(np.float32)
+        return paint, frames[self.model.uv_faces]
+
+    def bent(self, met: Met, normal: Floats) -> Floats:
+        """(n, 3) unit normals (n, 3) between those of the corners, as the normal map bends them."""
+        if self._bumps is None:
+            return normal
+        paint, frames = self._bumps
+        tangent: Floats = np.einsum("nk,nkc->nc", met.weights, frames[met.face])
+        return colors_as_directions(paint(met), normal, tangent)
 
     @cached_property
     def paint(self) -> Paint:

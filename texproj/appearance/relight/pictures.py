@@ -53,7 +53,7 @@ class _Shading:
 
     def __init__(self, surface: LitSurface, light: Illumination) -> None:
         self.surface, self.light = surface, light
-        self.obstacles = Obstacles(surface.mesh)
+        self.obstacles = Obstacles(surface.mesh, surface.normals)
         around = Radiosity.of(self.obstacles, light.environment)
         base = surface.base_of_vertex
         direct = np.zeros((len(base), 3), np.float32)
@@ -89,11 +89,13 @@ class _Shading:
             out: Floats = np.einsum("nk,nk...->n...", met.weights, values[corner])
             return out
 
-        xyz, normal = between(self.obstacles.xyz), _unit(between(self.obstacles.normals))
+        xyz, flat = between(self.obstacles.xyz), _unit(between(self.obstacles.normals))
+        normal = self.surface.bent(met, flat)
         to_eye = _unit((eye - self.obstacles.offset).astype(np.float32) - xyz)
         away = np.einsum("nc,nc->n", normal, to_eye) < 0
+        base = self.surface.paint(met)
+        soft = between(self.soft) * self._turned(normal, flat)
         normal = np.where(away[:, None] & ~met.outside[:, None], -normal, normal)
-        base, soft = self.surface.paint(met), between(self.soft)
         roughness, metal = between(self.surface.roughness), between(self.surface.metallic)
         out = base / np.float32(np.pi) * soft * (1 - metal)[:, None]
         spread = _Spread(roughness, between(self.openness), between(self.around))
@@ -108,6 +110,16 @@ class _Shading:
             slope, offset = linear_terms(np.stack(values), angles)
             out += (slope[:, None] * base + offset[:, None]) * power * cosine[:, None]
         return out
+
+    def _turned(self, normal: Floats, flat: Floats) -> Floats | np.float32:
+        """(n, 3) light from far away on normals that the normal map bends, over that on those of
+        the mesh, between a third and three times.
+        """
+        sky = self.light.environment
+        if sky is None or normal is flat:
+            return np.float32(1)
+        bent, level = sky.looked_up(normal, 1.0), sky.looked_up(flat, 1.0)
+        return np.clip(bent / np.maximum(level, np.float32(1e-12)), 1 / 3, 3).astype(np.float32)
 
     def _mirrored(self, xyz: Floats, normal: Floats, to_eye: Floats, spread: _Spread) -> Floats:
         """(n, 3) radiance of far away and of the surface around in the mirror of the surface: what

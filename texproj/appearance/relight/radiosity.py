@@ -22,12 +22,12 @@ BOUNCES = 3
 
 
 class Obstacles:
-    """Rays from a mesh to what might light it."""
+    """Rays from a mesh to what might light it. normals: (V, 3) unit, of its vertices."""
 
-    def __init__(self, mesh: Mesh) -> None:
+    def __init__(self, mesh: Mesh, normals: Floats) -> None:
         surface = Surface(mesh)
         self.faces, self.offset = mesh.faces, surface.offset
-        self.xyz, self.normals = surface.xyz_in_local, surface.normal_in_world
+        self.xyz, self.normals = surface.xyz_in_local, normals
         self.caster = RayCaster(self.xyz, mesh.faces)
         self.lift = np.float32(LIFT * mesh.diagonal)
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from texproj.appearance.light_fit import GLOSS, LEAST_LIGHT, MEAN_ALBEDO, RIDGE
 from texproj.appearance.palette import clusters, log_chroma, medians, members, moved
-from texproj.appearance.turntable.sightings import Sightings, point_means
+from texproj.appearance.sightings import Sightings, point_means
 from texproj.arrays import Doubles, Index
 from texproj.photo import LUMINANCE
 
@@ -29,7 +29,7 @@ WITHIN, BETWEEN = 0.08, 0.25
 paint about the palette's. Their ratio says what differences between points are worth.
 """
 
-OUTLIER = 0.2
+OUTLIER = 0.1
 """Difference (log) at which a sighting counts half (Cauchy): highlights, edges of shadows."""
 
 FARTHEST_PAINT = 0.6

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from texproj.appearance.prediction import LEAST_GAIN_DB, Prediction, psnr
+from texproj.appearance.sightings import Sightings
 from texproj.appearance.turntable.room_fit import albedo_of
-from texproj.appearance.turntable.sightings import Sightings
-from texproj.appearance.verdict import psnr
 from texproj.arrays import Bools, Doubles
 
 EVERY = 7
@@ -19,30 +19,15 @@ EVERY = 7
 FEWEST = 300
 """Sightings of held-out photos below which nothing is told."""
 
-LEAST_GAIN_DB = 1.0
-"""Better than plain colors by which a room is believed: highlights, which go with the camera too,
-give a few tenths."""
-
 OWN_GAIN_DB = 2.0
 """The same where nobody said that the object was turned."""
 
 
 @dataclass(frozen=True)
-class RoomVerdict:
-    """plain_db, lit_db: how well photos that were held out are predicted by plain colors, and by
-    the base color under the room's light: PSNR as shown (sRGB), dB, each photo's exposure free.
-    photos: how many were held out.
-    """
+class RoomVerdict(Prediction):
+    """Of photos that were held out, each one's exposure free. photos: how many these were."""
 
-    accepted: bool
-    plain_db: float
-    lit_db: float
     photos: int
-
-    @property
-    def gain_db(self) -> float:
-        """How much better than plain colors."""
-        return self.lit_db - self.plain_db
 
     @property
     def refusal(self) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from texproj.appearance.flash.observations import Surfel
 from texproj.appearance.palette import log_chroma, members
+from texproj.appearance.sightings import Sightings
 from texproj.appearance.sun import around as ring
 from texproj.appearance.sun import spiral
 from texproj.appearance.turntable.lamps import RoomLamp, RoomLight, varied
@@ -21,12 +22,11 @@ from texproj.appearance.turntable.room_fit import (
     spread_of,
     stepped,
 )
-from texproj.appearance.turntable.sightings import Sightings
 from texproj.arrays import Bools, Doubles
 from texproj.photo import LUMINANCE
 
 MOST_LAMPS = 3
-LAMP_GAIN = 0.05
+LAMP_GAIN = 0.03
 """Part of the spread that a lamp has to explain."""
 
 DIRECTIONS = 100

@@ -13,7 +13,9 @@ from texproj.appearance.flash.sampled import shadows_of, spread_vertices
 from texproj.appearance.harmonics import OPEN_GAINS, basis
 from texproj.appearance.light_fit import GLOSS, MEAN_ALBEDO
 from texproj.appearance.natural import Chart, base_color
+from texproj.appearance.prediction import LEAST_GAIN_DB
 from texproj.appearance.recovered import Appearance, TurntableLight, untold
+from texproj.appearance.sightings import Readings, Sightings, point_means
 from texproj.appearance.sun import spiral
 from texproj.appearance.transfer import LightCaster
 from texproj.appearance.turntable.around import AroundNodes
@@ -21,14 +23,12 @@ from texproj.appearance.turntable.lamps import RoomLamp, RoomLight
 from texproj.appearance.turntable.room import Room
 from texproj.appearance.turntable.room_fit import RoomFit, albedo_of, residuals, shown
 from texproj.appearance.turntable.room_verdict import (
-    LEAST_GAIN_DB,
     OWN_GAIN_DB,
     RoomVerdict,
     held_out,
     judged,
 )
 from texproj.appearance.turntable.search import Lit, find_lamps
-from texproj.appearance.turntable.sightings import Readings, Sightings, point_means
 from texproj.arrays import Bools, Doubles, Floats, Index
 from texproj.color.filling.vertices import fill_vertices
 from texproj.color.sampling.photo_set import PhotoSet

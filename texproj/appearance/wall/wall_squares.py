@@ -47,6 +47,14 @@ class WallPatches:
             self.rho[rows], len(photos),
         )  # fmt: skip
 
+    def every(self, step: int) -> WallPatches:
+        """One of `step` squares."""
+        rows = slice(None, None, step)
+        return WallPatches(
+            self.log_light[rows], self.photo[rows], self.xyz[rows], self.normal[rows],
+            self.rho[rows], self.photos,
+        )  # fmt: skip
+
 
 def wall_patches(
     cameras: Sequence[Camera], lights: Sequence[Floats], walls: Sequence[NDArray[np.bool_]]

@@ -25,13 +25,12 @@ from texproj.opencv import opencv_places
 from texproj.options import UnwrapOptions
 from texproj.resources.scratch import Scratch
 from texproj.resources.threads import in_parallel
+from texproj.tangent_frames import FLAT, directions_as_colors, tangent_frames
 from texproj.unwrap.stretch import flat_areas
 from texproj.unwrap.unwrap import unwrap
 
 ROW = 1 << 14
 """Positions in one row: `cv2.remap` takes at most 32767."""
-FLAT = (128, 128, 255)
-"""A normal map's color where the surface is as the mesh says."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +52,7 @@ def baked(full: Matcher, texture: Texture, light: Mesh, options: UnwrapOptions) 
     pages = [np.zeros((h, w, 3), kind) for w, h in atlas.page_sizes]
     counts = [np.zeros((h, w), np.uint8) for w, h in atlas.page_sizes]
     bumps = [np.full((h, w, 3), FLAT, np.uint8) for w, h in atlas.page_sizes]
-    tangents = _tangents(light, atlas.uv_px, atlas.faces)
+    tangents = tangent_frames(light, atlas.uv_px, atlas.faces)
     corners = atlas.uv_px[atlas.faces]
     normals = vertex_normals(light)[light.faces].astype(np.float32)
     frames = tangents[atlas.faces].astype(np.float32)
@@ -72,7 +71,7 @@ def baked(full: Matcher, texture: Texture, light: Mesh, options: UnwrapOptions) 
             points.place(number, pages[tile.page], colors)
             points.place(number, counts[tile.page], seen)
             frame = mixed(frames[chunk.owner], weights)
-            bump = _in_frame(full.normals_at(places), normal, frame)
+            bump = directions_as_colors(full.normals_at(places), normal, frame)
             points.place(number, bumps[tile.page], bump)
 
         in_parallel(one, range(len(points.tiles)))
@@ -117,45 +116,6 @@ def _read(texture: Texture, places: Places) -> tuple[NDArray[Any], NDArray[np.ui
                 row.clip(0, height - 1), column.clip(0, width - 1)
             ]
     return colors, seen
-
-
-def _tangents(mesh: Mesh, uv_px: Doubles, faces: NDArray[np.int32]) -> Doubles:
-    """(T, 4) of each texture vertex: the way on the surface to the right of the page, without its
-    part along the normal, and the side on which upwards lies.
-    """
-    corners, uv = mesh.vertices[mesh.faces], uv_px[faces] * (1, -1)
-    e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    (a, b), (c, d) = (uv[:, 1] - uv[:, 0]).T, (uv[:, 2] - uv[:, 0]).T
-    turn = np.sign(a * d - b * c)
-    right = (e1 * d[:, None] - e2 * b[:, None]) * turn[:, None]
-    flat = faces.ravel()
-    sums = [np.bincount(flat, np.repeat(column, 3), len(uv_px)) for column in (*right.T, turn)]
-    vertex = np.zeros(len(uv_px), np.int64)
-    vertex[flat] = mesh.faces.ravel()
-    normal = vertex_normals(mesh)[vertex]
-    tangent = np.stack(sums[:3], axis=1)
-    tangent -= normal * np.einsum("ij,ij->i", tangent, normal)[:, None]
-    size = np.linalg.norm(tangent, axis=1)
-    lost = size < 1e-300
-    tangent[lost] = _across(normal[lost])
-    size[lost] = np.linalg.norm(tangent[lost], axis=1)
-    side = np.where(sums[3] < 0, -1.0, 1.0)
-    return np.concatenate([tangent / size[:, None], side[:, None]], axis=1)
-
-
-def _across(normal: Doubles) -> Doubles:
-    """(n, 3) some direction across each normal, not zero."""
-    axis = np.where(np.abs(normal[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-    without = ~np.any(normal, axis=1, keepdims=True)
-    return np.cross(normal, axis) + np.where(without, axis, 0.0)
-
-
-def _in_frame(wanted: Floats, normal: Floats, tangent: Floats) -> NDArray[np.uint8]:
-    """(n, 3) directions in the frames of tangents (n, 4), normals (n, 3) as colors."""
-    right = _unit(tangent[:, :3] - normal * np.einsum("ij,ij->i", tangent[:, :3], normal)[:, None])
-    up = np.cross(normal, right) * np.where(tangent[:, 3:] < 0, -1, 1)
-    parts = [np.einsum("ij,ij->i", wanted, axis) for axis in (right, up, normal)]
-    return np.round(np.stack(parts, axis=1) * 127.5 + 127.5).clip(0, 255).astype(np.uint8)
 
 
 def _unit(vectors: Floats) -> Floats:

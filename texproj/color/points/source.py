@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,7 +85,7 @@ class VertexPoints:
     owners: Owners
 
     @classmethod
-    def of(cls, mesh: Mesh) -> VertexPoints:
+    def of(cls, mesh: Mesh) -> Self:
         """All vertices of the mesh."""
         area = np.zeros(len(mesh.vertices))
         for rows in blocks(len(mesh.faces)):

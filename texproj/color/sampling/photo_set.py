@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -37,6 +37,12 @@ class PhotoSet:
 
     def __len__(self) -> int:
         return len(self.names)
+
+    def subset(self, names: Collection[str]) -> PhotoSet:
+        """Some of the photos, not rendered yet."""
+        kept = [n for n, name in enumerate(self.names) if name in names]
+        cameras = tuple(self.cameras[n] for n in kept)
+        return PhotoSet(tuple(self.names[n] for n in kept), cameras, self.read)
 
     def rendered(self, scene: Scene, scratch: Scratch) -> PhotoSet:
         """The same with the depth images of all cameras, kept in `scratch`."""

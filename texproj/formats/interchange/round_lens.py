@@ -21,7 +21,7 @@ from texproj.formats.interchange.radial import fisheye as fisheye_lens
 Bend = Callable[[Doubles], Doubles]
 """(n, 2) points in the plane of angles (direction off the axis times the angle, rad) to pixels."""
 
-RINGS, SPOKES = 80, 48
+RINGS, SPOKES = 40, 24
 """At which the lens is looked at."""
 MOST_ERROR_PX, TOLD_ERROR_PX = 1.0, 0.005
 ROUNDS = 4

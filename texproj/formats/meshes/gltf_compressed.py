@@ -26,6 +26,8 @@ FILTERS = ("NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL", "COLOR")
 SEQUENTIAL, EDGEBREAKER = 0, 1
 HEAD = 11
 """Bytes of a Draco file before its connectivity: mark, version, kind, method, flags."""
+VERSION = (2, 2)
+"""From which on the counts are written as here; glTF demands it."""
 METADATA = 0x80
 """In the second byte of the flags: names come before the connectivity."""
 
@@ -61,6 +63,8 @@ def draco_part(data: bytes, vertices: int, indices: int) -> DracoPart:
 def _counts(data: bytes) -> tuple[int, int] | None:
     """Vertices and faces by the head of a Draco file; None where it does not say so at once."""
     if len(data) < HEAD + 2 or data[:5] != b"DRACO" or data[HEAD - 1] & METADATA:
+        return None
+    if tuple(data[5:7]) < VERSION:
         return None
     at = HEAD + (data[8] == EDGEBREAKER)  # after the kind of traversal
     first, at = _varint(data, at)

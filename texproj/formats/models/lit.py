@@ -104,12 +104,15 @@ def write_glossy_glb(
 @dataclass(frozen=True)
 class Images:
     """Files of the pages, png or jpeg. base: base color; orm: occlusion, roughness, metallic;
-    normal: tangent-space normals, none where there are none.
+    normal: tangent-space normals, none where there are none; specular: sRGB, what a dielectric
+    mirrors at normal incidence over `USUAL_F0` and `specular_factor`, none where it is not known.
     """
 
     base: Sequence[Path]
     orm: Sequence[Path]
     normal: Sequence[Path] = ()
+    specular: Sequence[Path] = ()
+    specular_factor: float = 1.0
 
 
 def write_lit_glb(
@@ -128,14 +131,18 @@ def write_lit_glb(
         materials.append(Gloss("untextured", 1.0, 0.0).material)
     content = document_content(path.stem, primitives, materials, offset, standing)
     content["asset"] = asset_of(provenance)
-    files = (*images.base, *images.orm, *images.normal)
+    files = (*images.base, *images.orm, *images.normal, *images.specular)
     content |= textures([document.view(file) for file in files], "png")
     declare(content, False)
+    if images.specular:
+        content["extensionsUsed"] = [*content.get("extensionsUsed", ()), SPECULAR]
     document.write(path, content)
 
 
 def _page_material(page: int, images: Images) -> dict[str, Any]:
-    """The material of a page; textures stand base by base, then all ORM, then all normals."""
+    """The material of a page; textures stand base by base, then all ORM, then all normals, if there
+    are any, then all specular ones.
+    """
     count = len(images.base)
     orm = {"index": count + page}
     out: dict[str, Any] = {
@@ -149,4 +156,9 @@ def _page_material(page: int, images: Images) -> dict[str, Any]:
     }
     if images.normal:
         out["normalTexture"] = {"index": 2 * count + page}
+    if images.specular:
+        place = {"index": 2 * count + len(images.normal) + page}
+        factor = [images.specular_factor] * 3
+        mirror = {"specularColorTexture": place, "specularColorFactor": factor}
+        out["extensions"] = {SPECULAR: mirror}
     return out

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from texproj.errors import InputError
 from texproj.formats.foreign import Broken, foreign_parser
 from texproj.formats.models.glb import UPRIGHT
-from texproj.mesh import ColoredMesh, TexturedMesh
+from texproj.mesh import ColoredMesh, Mesh, NormalMap, TexturedMesh
 from texproj.photo import srgb_from_linear
+from texproj.tangent_frames import tangent_frames
 
 ON_THE_EDGE = 1e-6
 """Of a tile: corners this far beyond its border lie on it. Each part lies in one tile."""
@@ -78,9 +79,14 @@ class _Part:
         uv = getattr(geometry.visual, "uv", None)
         self.uv = np.zeros((len(self.vertices), 2)) if uv is None else np.asarray(uv, np.float64)
         self.page: NDArray[np.uint8] | None = None
+        self.bump: NDArray[np.uint8] | None = None
         if image is not None and uv is not None:
             self.page = np.asarray(image.convert("RGB"))
             self.uv -= np.floor(self.uv.min(axis=0, initial=1.0) + ON_THE_EDGE)
+            bump = getattr(material, "normalTexture", None)
+            self.bump = None if bump is None else np.asarray(bump.convert("RGB"))
+        turn = np.linalg.inv(transform[:3, :3]).T
+        self.normals = np.asarray(geometry.vertex_normals, np.float64) @ turn.T
 
 
 def _textured(parts: list[_Part]) -> TexturedMesh:
@@ -92,8 +98,16 @@ def _textured(parts: list[_Part]) -> TexturedMesh:
         np.full(len(p.faces), n if p.page is not None else -1)
         for p, n in zip(parts, page, strict=True)
     ]
+    vertices, uv = (np.concatenate([getattr(p, k) for p in parts]) for k in ("vertices", "uv"))
+    normals = np.concatenate([part.normals for part in parts])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    faces = faces.astype(np.int32)
+    bumps = [part.bump for part in parts if part.page is not None and part.bump is not None]
+    normal_map = None
+    if bumps and len(bumps) == len(pages):
+        tangents = tangent_frames(Mesh(vertices, faces), uv * (1, -1), faces)
+        normal_map = NormalMap(tuple(bumps), tangents)
     return TexturedMesh(
-        np.concatenate([part.vertices for part in parts]), faces.astype(np.int32),
-        np.concatenate([part.uv for part in parts]), faces.astype(np.int32),
-        np.concatenate(numbers).astype(np.int32), tuple(pages),
+        vertices, faces, uv, faces, np.concatenate(numbers).astype(np.int32), tuple(pages),
+        normals, None, normal_map,
     )  # fmt: skip

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from texproj.arrays import Bools, Doubles
+from texproj.arrays import Bools, Doubles, Index
 from texproj.register.block.cloud import Cloud
 from texproj.register.block.placed_block import PlacedBlock
 from texproj.register.block.scan_samples import ScanSamples
@@ -116,7 +116,7 @@ def _paired(
     )
     met = np.isfinite(distance)
     nearest = np.where(met, nearest, 0)
-    met &= samples.partner[nearest] & _faces(cloud, samples, to_unit, nearest)
+    met &= samples.partner[nearest] & faces_cameras(cloud, samples, to_unit, nearest)
     if met.sum() < LEAST_POINTS:
         return None
     on_plane = samples.world_from_unit.apply(samples.xyz[nearest[met]])
@@ -127,6 +127,7 @@ def _paired(
     return SurfaceFit(xyz[met], on_plane, normal, sigma, known)
 
 
-def _faces(cloud: Cloud, samples: ScanSamples, to_unit: Similarity, nearest: Doubles) -> Bools:
+def faces_cameras(cloud: Cloud, samples: ScanSamples, to_unit: Similarity, nearest: Index) -> Bools:
+    """(n,) whether the samples `nearest` to the first n points face the cameras that saw these."""
     seen_from = cloud.toward[: len(nearest)] @ to_unit.R.T.astype(np.float32)
     return np.einsum("ij,ij->i", samples.normal[nearest], seen_from) > 0

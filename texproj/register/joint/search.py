@@ -8,13 +8,14 @@ from collections import defaultdict, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import count
 
 import numpy as np
 
 from texproj.arrays import Doubles
 from texproj.camera import Camera
-from texproj.register.joint.gray import GrayPhoto, GrayPhotos
+from texproj.register.joint.gray import GrayPhoto
 from texproj.register.joint.patches import (
     Density,
     Partner,
@@ -23,7 +24,7 @@ from texproj.register.joint.patches import (
     find_ties,
     surface_patches,
 )
-from texproj.register.joint.session import Cameras, Kept, LoadPhoto
+from texproj.register.joint.session import Cameras, Kept, LoadPhoto, OnDisk
 from texproj.register.joint.ties import PATCH_PX, TieSearch, gradient_field
 from texproj.render import Render
 from texproj.resources.threads import opencv_in_one_thread
@@ -32,8 +33,9 @@ from texproj.solve.matching import SearchImage
 
 Pair = tuple[int, int]
 
-KEPT_SIGHTS, KEPT_PATCHES = 48, 24
-"""Of how many photos the depth (1.5 MB) and the patches (5 MB) stay in memory."""
+KEPT_GRAY, KEPT_SIGHTS, KEPT_PATCHES = 20, 24, 12
+"""How many pictures (up to 6 MB), depth images (1.5 MB) and patches of photos (up to 10 MB) stay in
+memory. From disk a picture takes 2 ms, decoded again 80, a depth image drawn again 100."""
 SIGHT_PX = 768
 """Longer side of the depth images that tell what a photo sees."""
 MOVED_PX = 3.0
@@ -140,9 +142,10 @@ class TieSearcher:
     """Does tasks; keeps what the next of them need again."""
 
     def __init__(self, load_photo: LoadPhoto, render: Render, largest_px: int) -> None:
-        self._gray, self._render = GrayPhotos(load_photo, largest_px), render
+        self._load, self._render, self._largest = load_photo, render, largest_px
         self._sight_px = sight_px(largest_px)
-        self._sights: Kept[tuple[int, int], Sight] = Kept(KEPT_SIGHTS)
+        self._gray: OnDisk[tuple[int, int], GrayPhoto] = OnDisk(KEPT_GRAY)
+        self._sights: OnDisk[tuple[int, int], Sight] = OnDisk(KEPT_SIGHTS)
         self._chosen: Kept[tuple[int, int], SurfacePatches] = Kept(KEPT_PATCHES)
         self._longest = 0
 
@@ -164,18 +167,31 @@ class TieSearcher:
         if level.longest != self._longest:
             self._chosen.clear()
             self._longest = level.longest
-        gray = self._gray.at(i, level.longest)
+        gray = self._photo(i, level.longest)
         patches = self._patches(i, task.chosen, level)
         shown = {j: self._partner(j, task) for j in task.seen}
         return TieJob(i, task.cameras, gray, patches, shown, task.radius_px, level.density.most)
 
+    def _photo(self, k: int, longest: int) -> GrayPhoto:
+        if longest >= self._largest:
+            make = partial(self._decoded, k)
+        else:
+            make = partial(self._reduced, k, longest)
+        return self._gray.fetch((k, longest), make)
+
+    def _decoded(self, k: int) -> GrayPhoto:
+        return GrayPhoto.of(self._load(k, self._largest))
+
+    def _reduced(self, k: int, longest: int) -> GrayPhoto:
+        return self._photo(k, self._largest).reduced(longest)
+
     def _partner(self, k: int, task: TieTask) -> Partner:
-        gray, seen = self._gray.at(k, task.level.longest), task.seen[k]
+        gray, seen = self._photo(k, task.level.longest), task.seen[k]
         sight = self._sights.fetch((k, seen.number), lambda: self._sight(k, seen.camera))
         return Partner(task.cameras[k].resized(gray.width, gray.height), gray, sight)
 
     def _sight(self, k: int, camera: Camera) -> Sight:
-        gray = self._gray.at(k, self._sight_px)
+        gray = self._photo(k, self._sight_px)
         small = camera.resized(gray.width, gray.height)
         return Sight.of(small, self._render(small), gray.mask, self._sight_px)
 
@@ -185,7 +201,7 @@ class TieSearcher:
         return replace(chosen)  # a copy: the surface points that it makes go with it
 
     def _choose(self, k: int, reference: Reference, level: Level) -> SurfacePatches:
-        gray = self._gray.at(k, level.longest)
+        gray = self._photo(k, level.longest)
         small = reference.camera.resized(gray.width, gray.height)
         images = self._render(small)
         if level.longest == self._sight_px:  # the same picture tells what the photo sees

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import pickle
+import weakref
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Sequence
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -12,6 +14,7 @@ from texproj.arrays import Doubles
 from texproj.camera import Camera
 from texproj.photo import Photo
 from texproj.render import Render
+from texproj.resources.scratch import Scratch
 
 Cameras = tuple[Camera, ...]
 LoadPhoto = Callable[[int, int], Photo]
@@ -38,6 +41,28 @@ class Kept(OrderedDict[K, V]):
                 self.popitem(last=False)
         self.move_to_end(key)
         return self[key]
+
+
+class OnDisk(Generic[K, V]):
+    """Values that are made once and then lie on disk, the last `limit` also in memory."""
+
+    def __init__(self, limit: int) -> None:
+        self._scratch, self._kept = Scratch(), Kept[K, V](limit)
+        self._places: dict[K, tuple[int, int]] = {}
+        weakref.finalize(self, self._scratch.close)
+
+    def fetch(self, key: K, make: Callable[[], V]) -> V:
+        """The value of `key`, made if it was never made."""
+        return self._kept.fetch(key, lambda: self._read(key, make))
+
+    def _read(self, key: K, make: Callable[[], V]) -> V:
+        if key in self._places:
+            value: V = pickle.loads(self._scratch.read(*self._places[key]))
+            return value
+        value = make()
+        data = pickle.dumps(value, pickle.HIGHEST_PROTOCOL)
+        self._places[key] = self._scratch.append(data), len(data)
+        return value
 
 
 def anchor_points(cameras: Sequence[Camera], render: Render) -> list[Doubles]:

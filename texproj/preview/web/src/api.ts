@@ -45,6 +45,8 @@ export interface Facts {
   downloads: { name: string; word: string }[];
   /** Photos that are left out of everything. */
   excluded: string[];
+  /** Whether the textured model is that of the surface itself, to be lit. */
+  lit: boolean;
   /** What is made: vertices, texture or patches. */
   to: string;
   report: string | null;
@@ -112,12 +114,12 @@ export interface Stroke {
   points?: Vec2[];
 }
 
-export type SettingValue = string | number | boolean | string[] | null;
+export type SettingValue = string | number | boolean | string[] | number[] | null;
 
 export interface Setting {
   key: string;
   help: string;
-  kind: "choice" | "several" | "flag" | "number" | "integer" | "text";
+  kind: "choice" | "several" | "place" | "flag" | "number" | "integer" | "text";
   choices?: (string | number)[];
   least?: number | null;
   most?: number | null;
@@ -166,12 +168,24 @@ export interface Lights {
   front: Vec3;
   right: Vec3;
   /** Nine spherical harmonics of an open surface's irradiance. */
-  skies: { overcast: Rgb[]; photographed?: Rgb[]; none?: Rgb[] };
+  skies: { overcast: Rgb[]; photographed?: Rgb[]; picture?: Rgb[]; none?: Rgb[] };
   /** Of the photos, where they had one. */
   sun: { direction: Vec3; irradiance: Rgb } | null;
   sun_lux: number;
   kelvin: number[];
   tints: Rgb[];
+}
+
+/** One of materials.json. */
+export interface Material {
+  name: string;
+  metallic: boolean;
+  roughness: number;
+  /** What it mirrors at normal incidence, where the photos tell it. */
+  f0: number | null;
+  share: number;
+  /** Linear. */
+  base_color: Rgb | null;
 }
 
 export interface Pack {
@@ -232,6 +246,9 @@ export const startJob = (kind: string, more: { photo?: string; place?: number | 
   json<Job>(demand("/api/jobs", sending("POST", { kind, ...more })));
 
 export const lights = () => json<Lights>(demand("/api/lights"));
+
+/** What the surface is made of; empty where nothing tells. */
+export const materials = () => json<Material[]>(demand("/api/materials"));
 
 export const places = () => json<Places>(demand("/api/places"));
 

@@ -1,6 +1,6 @@
 // What picking needs of the page that it is a part of.
 
-import type { Hit, PhotoFacts } from "./api.ts";
+import type { Facts, Hit, PhotoFacts } from "./api.ts";
 import type { Camera, Vec2 } from "./lens.ts";
 import type { Look } from "./panel.ts";
 import type { Viewport } from "./viewport.ts";
@@ -8,6 +8,8 @@ import type { Viewport } from "./viewport.ts";
 export interface Host {
   readonly viewport: Viewport;
   readonly look: Look;
+  /** What the server knew last; null before it answered. */
+  readonly facts: Facts | null;
   /** The chosen photo as the server knows it now. */
   readonly photo: PhotoFacts | null;
   /** Change what is shown. */

@@ -10,13 +10,15 @@ export class LayerLoader {
   private colors: string | null = null;
   private texture: string | null = null;
   private values = "";
+  private gloss = "";
+  private shot: string | null = null;
 
   constructor(private readonly surface: Surface) {}
 
   /** Everything must be fetched again: the mesh changed. */
   forget(): void {
-    this.colors = this.texture = null;
-    this.values = "";
+    this.colors = this.texture = this.shot = null;
+    this.values = this.gloss = "";
   }
 
   /** Bring in what `layer` needs. photo, factor: whose weights, and what of them. */
@@ -24,12 +26,22 @@ export class LayerLoader {
     if (layer === "color") await this.loadColors("/api/colors", facts.models["model.ply"]);
     else if (layer === "base" || layer === "relit") {
       await this.loadColors("/api/colors/base", facts.models["appearance.ply"]);
-      if (layer === "relit") await this.loadValues("ao", versionOf(facts), null);
+      if (facts.lit) await this.loadTexture(facts);
+      if (layer !== "relit") return;
+      await this.loadValues("ao", versionOf(facts), null);
+      await this.loadGloss(String(facts.models["appearance.ply"]));
+      await this.loadShot(facts.models["model.ply"]);
     }
     else if (layer === "mean") await this.loadMean(versionOf(facts));
-    else if (layer === "texture") await this.loadTexture(facts.models["model.glb"]);
+    else if (layer === "texture") {
+      await this.loadTexture(facts);
+      this.colors = null;
+      void this.loadLightColors();
+    }
     else if (layer === "weights") await this.loadValues(factor, versionOf(facts), photo);
+    else if (layer === "normals" && facts.lit) await this.loadTexture(facts);
     else if (layer === "roughness" || layer === "metallic" || layer === "confidence") {
+      if (facts.lit && layer !== "confidence") await this.loadTexture(facts);
       await this.loadValues(layer, String(facts.models["appearance.ply"]), null);
     } else if (layer === "ao" || layer === "coverage" || layer === "source") {
       await this.loadValues(layer, versionOf(facts), null);
@@ -52,12 +64,37 @@ export class LayerLoader {
     this.colors = `mean ${version}`;
   }
 
-  private async loadTexture(version: string | null): Promise<void> {
+  private async loadTexture(facts: api.Facts): Promise<void> {
+    const version = facts.models["model.glb"];
     if (!version) return;
-    if (this.texture !== version) await this.surface.loadTextured(`/api/models/model.glb?v=${version}`);
-    this.texture = version;
-    this.colors = null;
-    void this.loadLightColors();
+    const key = `${version} ${facts.lit}`;
+    if (this.texture !== key) await this.surface.loadTextured(`/api/models/model.glb?v=${version}`, facts.lit);
+    this.texture = key;
+  }
+
+  /** Roughness and metals of the vertices, as bytes; matte where nothing tells. */
+  private async loadGloss(version: string): Promise<void> {
+    if (this.gloss === version) return;
+    const packs = await Promise.all(["roughness", "metallic"].map((name) => api.pack(`/api/layers/${name}`)));
+    const [rough, metal] = packs.map((pack) => pack!.arrays.values as Float32Array);
+    const bytes = new Uint8Array(2 * rough.length);
+    rough.forEach((value, i) => {
+      bytes[2 * i] = value < 0 ? 255 : Math.round(255 * value);
+      bytes[2 * i + 1] = Math.max(0, Math.round(255 * metal[i]));
+    });
+    this.surface.setGloss(bytes);
+    this.gloss = version;
+  }
+
+  /** The colors as photographed, to be compared with. */
+  private async loadShot(version: string | null): Promise<void> {
+    if (!version || this.shot === version) return;
+    this.surface.setShot((await api.pack("/api/colors"))!.arrays.rgba as Uint8Array);
+    this.shot = version;
+  }
+
+  get hasShot(): boolean {
+    return this.shot !== null;
   }
 
   /** While a textured model moves, the light mesh with the texture's colors stands for it. */

@@ -2,7 +2,7 @@
 
 /** Tone curves by the number that surface.frag.glsl has for each. */
 export const TONES = ["none", "reinhard", "filmic", "aces"] as const;
-export const SKIES = { overcast: "Overcast", photographed: "As in the photos", none: "None" } as const;
+export const SKIES = { overcast: "Overcast", photographed: "As in the photos", picture: "A picture", none: "None" } as const;
 export type Sky = keyof typeof SKIES;
 
 /** heading, height: degrees, as seen by who looks at the front: from behind the viewer to the right, above level. */

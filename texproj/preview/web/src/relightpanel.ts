@@ -7,14 +7,16 @@ import { TONES } from "./lightchoice.ts";
 const NAMES: Record<string, string> = { none: "None", reinhard: "Reinhard", filmic: "Filmic", aces: "ACES" };
 const STEP_DEG = 5;
 
-/** What there is to choose. skies: those that there are, and their names; splits: whether there is something to compare with. */
+/** What there is to choose. skies: those that there are, and their names; splits: whether there is something to compare with; picture: the name of the one that was opened, open: opens another. */
 interface Offer {
   skies: string[][];
   splits: boolean;
+  picture: string | null;
+  open(file: File): void;
 }
 
 /** ev: how it is exposed now; act: changes what is shown. */
-export function relightSection(choice: Choice, { skies, splits }: Offer, ev: () => number, act: (part: Partial<Choice>) => void): HTMLElement {
+export function relightSection(choice: Choice, { skies, splits, picture, open }: Offer, ev: () => number, act: (part: Partial<Choice>) => void): HTMLElement {
   const words = () => `EV ${ev().toFixed(1)}`;
   const exposed = el("output", { id: "relight-ev", title: "As a camera meters it, at ISO 100; Exposure brightens" }, words());
   const change = (part: Partial<Choice>) => {
@@ -29,9 +31,20 @@ export function relightSection(choice: Choice, { skies, splits }: Offer, ev: () 
     el("div", { class: "light-row" }, sunDial(choice, change), el("div", { class: "stack" }, check("Sun", choice.sun, (sun) => change({ sun })), exposed)),
     kelvin,
     menu("Sky", choice.sky, skies, (sky) => change({ sky: sky as Sky })),
+    opener(picture, open),
     menu("Tone curve", choice.tone, TONES.map((tone) => [tone, NAMES[tone]]), (tone) => change({ tone: tone as Choice["tone"] })),
-    ...(splits ? [check("Beside the photographed colors", choice.split, (split) => change({ split }))] : []),
+    ...(splits ? [check("As photographed | relit", choice.split, (split) => change({ split }))] : []),
   );
+}
+
+/** Opens a picture of all directions; it stays in the browser. */
+function opener(picture: string | null, open: (file: File) => void): HTMLElement {
+  const input: HTMLInputElement = el("input", {
+    id: "sky-file", type: "file", accept: ".hdr,.exr", class: "hidden-file", "aria-label": "Light from a picture of all directions, .hdr or .exr",
+    onchange: () => input.files?.[0] && open(input.files[0]),
+  });
+  const words = picture ? `Light from ${picture}` : "Light from a picture\u2026";
+  return el("label", { class: "button", title: "A Radiance .hdr or OpenEXR picture of all directions, twice as wide as high" }, words, input);
 }
 
 function menu(name: string, value: string, options: string[][], act: (value: string) => void): HTMLElement {

@@ -94,6 +94,7 @@ function control(id: string, option: api.Setting, set: (value: Value) => void): 
     return made;
   }
   if (option.kind === "several") return several(id, option, set);
+  if (option.kind === "place") return place(id, option, set);
   const number = option.kind !== "text";
   const made: HTMLInputElement = el("input", { ...help, type: number ? "number" : "text", onchange: () => set(entered(made, number)) });
   if (number) {
@@ -103,6 +104,24 @@ function control(id: string, option: api.Setting, set: (value: Value) => void): 
   }
   made.value = option.value === null ? "" : String(option.value);
   return made;
+}
+
+/** Three numbers; they count once all are there, and are the default once all are gone. */
+function place(id: string, option: api.Setting, set: (value: Value) => void): HTMLElement {
+  const now = (option.value as number[] | null) ?? [];
+  const fields: HTMLInputElement[] = ["x", "y", "z"].map((axis, i) => {
+    const field: HTMLInputElement = el("input", {
+      type: "number", step: "any", id: i === 0 ? id : `${id}-${axis}`, "aria-label": `${named(option.key)}, ${axis}`, "aria-describedby": `${id}-help`,
+      onchange: () => {
+        const values = fields.map((other) => other.valueAsNumber);
+        if (values.every(Number.isFinite)) set(values);
+        else if (fields.every((other) => other.value === "")) set(null);
+      },
+    });
+    field.value = now[i] === undefined ? "" : String(now[i]);
+    return field;
+  });
+  return el("div", { class: "place" }, ...fields);
 }
 
 /** An emptied field is the default. */

@@ -2,6 +2,17 @@
 // Shading: Cook-Torrance with GGX (Walter et al. 2007), Smith's masking in the form of Heitz 2014,
 // Schlick's Fresnel; tone mapping: Khronos PBR Neutral.
 precision highp float;
+precision highp sampler2DArray;
+in vec2 vGloss;
+in vec4 vShot;
+in vec3 vToEye;
+#ifdef USE_BUMP
+in vec4 vTangent;
+uniform sampler2D bump;     // tangent-space normals
+#endif
+#ifdef USE_GLOSS
+uniform sampler2D orm;      // occlusion, roughness, metallic
+#endif
 in vec3 vNormal;
 in vec3 vPosition;
 in vec3 vNormalInView;
@@ -25,6 +36,9 @@ uniform bool shadowed;
 uniform sampler2D depths;   // as the sun sees the model
 uniform mat4 shadowMatrix;
 uniform float radius;       // of the scene
+uniform sampler2DArray mirror; // the sky as mirrors of growing roughness show it, over mirrorUnit
+uniform float mirrorUnit;   // 0 = dark
+uniform mat3 skyFromScan;   // to the right, up, ahead of its picture
 #ifdef USE_MAP
 uniform sampler2D map;
 #endif
@@ -50,15 +64,19 @@ vec3 toneMapped(vec3 c) {
   return mix(c * newPeak / peak, vec3(newPeak), g);
 }
 
-float specular(vec3 n, vec3 v, vec3 l) {
+// D V: what is mirrored per Fresnel's part, without the cosine.
+float lobe(vec3 n, vec3 v, vec3 l, float rough) {
   vec3 h = normalize(v + l);
-  float a2 = pow(roughness, 4.0);
+  float a2 = pow(rough, 4.0);
   float nh = max(dot(n, h), 0.0), nv = max(dot(n, v), 1e-4), nl = max(dot(n, l), 1e-4);
   float d = nh * nh * (a2 - 1.0) + 1.0;
   float distribution = a2 / (PI * d * d);
-  float masking = 0.5 / (nl * sqrt(nv * nv * (1.0 - a2) + a2) + nv * sqrt(nl * nl * (1.0 - a2) + a2));
-  float fresnel = 0.04 + 0.96 * pow(1.0 - max(dot(v, h), 0.0), 5.0);
-  return distribution * masking * fresnel;
+  return distribution * 0.5 / (nl * sqrt(nv * nv * (1.0 - a2) + a2) + nv * sqrt(nl * nl * (1.0 - a2) + a2));
+}
+
+float specular(vec3 n, vec3 v, vec3 l) {
+  float fresnel = 0.04 + 0.96 * pow(1.0 - max(dot(v, normalize(v + l)), 0.0), 5.0);
+  return lobe(n, v, l, roughness) * fresnel;
 }
 
 vec3 shaded(vec3 n) {
@@ -116,19 +134,78 @@ vec3 toned(vec3 x) {
   return x;
 }
 
+// The normal of the surface in the scan's axes, as its normal map bends it.
+vec3 ownNormal() {
+  vec3 n = normalize(vNormal);
+#ifdef USE_BUMP
+  vec3 right = normalize(vTangent.xyz - n * dot(vTangent.xyz, n));
+  vec3 up = cross(n, right) * (vTangent.w < 0.0 ? -1.0 : 1.0);
+  vec3 told = 2.0 * texture(bump, vUv).rgb - 1.0;
+  n = normalize(told.x * right + told.y * up + told.z * n);
+#endif
+  return n;
+}
+
+// Occlusion, roughness, metallic.
+vec3 surfaceGloss() {
+#ifdef USE_GLOSS
+  return texture(orm, vUv).rgb;
+#else
+  return vec3(vValue < 0.0 ? 1.0 : vValue, vGloss);
+#endif
+}
+
+// What mirrors of that roughness show in a direction. Steps as in skypicture.ts.
+vec3 mirrorAt(vec3 d, float rough) {
+  const float steps[6] = float[6](0.0, 0.15, 0.3, 0.5, 0.75, 1.0);
+  float level = 0.0;
+  for (int i = 0; i < 5; i++) level += clamp((rough - steps[i]) / (steps[i + 1] - steps[i]), 0.0, 1.0);
+  vec3 s = skyFromScan * d;
+  vec2 at = vec2(atan(s.x, s.z) / (2.0 * PI) + 0.5, asin(clamp(s.y, -1.0, 1.0)) / PI + 0.5);
+  float lower = min(floor(level), 4.0);
+  vec3 sharp = textureLod(mirror, vec3(at, lower), 0.0).rgb;
+  return mirrorUnit * mix(sharp, textureLod(mirror, vec3(at, lower + 1.0), 0.0).rgb, level - lower);
+}
+
+// F0 times the first, plus the second, is mirrored of even light: B. Karis, "Physically based
+// shading on mobile", 2014.
+vec2 splitSum(float nv, float rough) {
+  vec4 r = rough * vec4(-1.0, -0.0275, -0.572, 0.022) + vec4(1.0, 0.0425, 1.04, -0.04);
+  float a = min(r.x * r.x, exp2(-9.28 * nv)) * r.x + r.y;
+  return vec2(-1.04, 1.04) * a + r.zw;
+}
+
 vec3 relit() {
   vec4 base = surfaceColor();
   if (base.a < 0.5) return unseen();
-  vec3 n = normalize(vNormal);
-  float open = vValue < 0.0 ? 1.0 : vValue;
-  vec3 light = max(skyLight(n), 0.0) * open + sunlight * max(dot(n, toSun), 0.0) * sunSeen(n);
-  return encoded(toned(base.rgb / PI * light * metered * exposure));
+  vec3 n = ownNormal(), v = normalize(vToEye), gloss = surfaceGloss();
+  float open = gloss.r, rough = max(gloss.g, 0.08), metal = gloss.b;
+  float nv = max(dot(n, v), 1e-3), nl = max(dot(n, toSun), 0.0);
+  vec3 f0 = mix(vec3(0.04), base.rgb, metal);
+  vec3 sun = sunlight * nl * sunSeen(normalize(vNormal));
+  vec3 light = max(skyLight(n), 0.0) * open + sun;
+  vec3 out_ = base.rgb / PI * (1.0 - metal) * light;
+  if (nl > 0.0) {
+    vec3 h = normalize(v + toSun);
+    out_ += lobe(n, v, toSun, rough) * (f0 + (1.0 - f0) * pow(1.0 - max(dot(v, h), 0.0), 5.0)) * sun;
+  }
+  if (mirrorUnit > 0.0) {
+    float seen = clamp(pow(nv + open, exp2(-16.0 * rough - 1.0)) - 1.0 + open, 0.0, 1.0); // Lagarde 2014
+    vec2 sums = splitSum(nv, rough);
+    out_ += mirrorAt(reflect(-v, n), rough) * (f0 * sums.x + sums.y) * seen;
+  }
+  return encoded(toned(out_ * metered * exposure));
 }
 
 vec3 picture() {
   vec3 n = normalize(vNormalInView);
   if (mode == 1) return encoded(shaded(n));
-  if (mode == 2) return normalize(vNormal) * 0.5 + 0.5;
+  if (mode == 2) return ownNormal() * 0.5 + 0.5;
+  if (mode == 8) return vShot.a < 0.5 ? unseen() : encoded(vShot.rgb * exposure);
+#ifdef USE_GLOSS
+  if (mode == 9) return texture(ramp, vec2(surfaceGloss().g, 0.5)).rgb;
+  if (mode == 10) return texture(ramp, vec2(surfaceGloss().b, 0.5)).rgb;
+#endif
   if (mode == 3) return vValue < 0.0 ? unseen() : encoded(vec3(vValue) * exposure);
   if (mode == 4) return vFlatValue < -0.5 ? unseen() : texture(ramp, vec2((vFlatValue + 0.5) / 256.0, 0.5)).rgb;
   if (mode == 5) return vValue <= 0.0 ? unseen() : texture(ramp, vec2(clamp(vValue / span, 0.0, 1.0), 0.5)).rgb;

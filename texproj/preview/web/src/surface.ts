@@ -10,7 +10,7 @@ import vertexShader from "./surface.vert.glsl";
 import type { Sample } from "./lightmath.ts";
 import { frontOf } from "./upright.ts";
 
-export type Layer = "color" | "mean" | "texture" | "base" | "relit" | "roughness" | "metallic" | "confidence" | "shaded" | "normals" | "ao" | "coverage" | "source" | "weights";
+export type Layer = "color" | "photographed" | "mean" | "texture" | "base" | "relit" | "roughness" | "metallic" | "confidence" | "shaded" | "normals" | "ao" | "coverage" | "source" | "weights";
 
 /** A picture of depths as the sun sees the model. */
 export interface Shadow {
@@ -27,11 +27,18 @@ export interface Relit {
   metered: number;
   tone: number;
   shadow: Shadow | null;
+  /** What mirrors show, over `mirrorUnit`; 0 where the sky is dark. */
+  mirror: THREE.DataArrayTexture | null;
+  mirrorUnit: number;
+  skyFromScan: THREE.Matrix3;
 }
+
+/** Layers that the lit texture shows where there is one, and by which branch. */
+const LIT_MODES: Partial<Record<Layer, number>> = { base: 0, relit: 6, normals: 2, roughness: 9, metallic: 10 };
 
 /** Which branch of surface.frag.glsl shows a layer. */
 const MODES: Record<Layer, number> = {
-  color: 0, mean: 0, texture: 0, base: 0, relit: 6, roughness: 7, metallic: 7, confidence: 7, shaded: 1, normals: 2, ao: 3, source: 4, coverage: 5, weights: 5,
+  color: 0, photographed: 8, mean: 0, texture: 0, base: 0, relit: 6, roughness: 7, metallic: 7, confidence: 7, shaded: 1, normals: 2, ao: 3, source: 4, coverage: 5, weights: 5,
 };
 
 export class Surface {
@@ -65,9 +72,9 @@ export class Surface {
   setLight(pack: Pack): void {
     this.light = this.replace(this.light, meshOf(pack, this.material));
     this.nearest = pack.arrays.vertex_of_light as Uint32Array;
-    const { rgba, value } = this.full!.geometry.attributes;
-    this.copyToLight("rgba", rgba.array as Uint8Array, 4);
-    this.copyToLight("value", value.array as Float32Array, 1);
+    for (const [name, size] of Object.entries(SIZES)) {
+      this.copyToLight(name, this.full!.geometry.attributes[name].array as Uint8Array | Float32Array, size);
+    }
     this.light.visible = false;
     this.lightHasColors = false;
   }
@@ -89,14 +96,26 @@ export class Surface {
     this.setAttribute("rgba", rgba, 4);
   }
 
+  /** Roughness and metallic of the vertices, each 0..255. */
+  setGloss(gloss: Uint8Array): void {
+    this.setAttribute("gloss", gloss, 2);
+  }
+
+  /** The colors as photographed, beside those of layer "base". */
+  setShot(rgba: Uint8Array): void {
+    this.setAttribute("shot", rgba, 4);
+  }
+
   /** Values of a scalar layer; `span` is the value at the end of the color ramp. */
   setValues(values: Float32Array, span: number): void {
     this.setAttribute("value", values, 1);
     this.uniforms.span.value = span;
   }
 
-  async loadTextured(url: string): Promise<void> {
+  /** lit: it is that of the surface itself, with base colors. */
+  async loadTextured(url: string, lit: boolean): Promise<void> {
     const loaded = await new GLTFLoader().loadAsync(url);
+    this.lit = lit;
     this.textured?.removeFromParent();
     this.textured = new THREE.Group();
     this.textured.position.copy(this.center).negate();
@@ -113,9 +132,16 @@ export class Surface {
     return this.textured !== null;
   }
 
+  private lit = false;
+
+  /** Whether the texture shows a layer better than the vertices do. */
+  private byTexture(layer: Layer): boolean {
+    return this.textured !== null && (layer === "texture" || (this.lit && layer in LIT_MODES));
+  }
+
   setLayer(layer: Layer): void {
     this.layer = layer;
-    this.uniforms.mode.value = MODES[layer];
+    this.uniforms.mode.value = this.byTexture(layer) ? (LIT_MODES[layer] ?? MODES[layer]) : MODES[layer];
     this.uniforms.ramp.value = layer === "source" ? PALETTE_TEXTURE : RAMP_TEXTURE;
     this.show();
   }
@@ -145,6 +171,9 @@ export class Surface {
     uniforms.shadowed.value = light.shadow !== null;
     if (light.shadow) uniforms.depths.value = light.shadow.depths;
     if (light.shadow) uniforms.shadowMatrix.value.copy(light.shadow.matrix);
+    if (light.mirror) uniforms.mirror.value = light.mirror;
+    uniforms.mirrorUnit.value = light.mirror ? light.mirrorUnit : 0;
+    uniforms.skyFromScan.value.copy(light.skyFromScan);
   }
 
   /** Some of the vertices that have a color: linear base colors, and normals. */
@@ -169,8 +198,8 @@ export class Surface {
   private moving = false;
 
   private show(): void {
-    const textured = this.layer === "texture" && this.textured !== null;
-    const light = this.moving && this.light !== null && (!textured || this.lightHasColors);
+    const textured = this.byTexture(this.layer);
+    const light = this.moving && this.light !== null && (!textured || (this.layer === "texture" && this.lightHasColors));
     if (this.full) this.full.visible = !light && !textured;
     if (this.light) this.light.visible = light;
     if (this.textured) this.textured.visible = textured && !light;
@@ -179,9 +208,11 @@ export class Surface {
   /** For a part of a glb: with a texture, with vertex colors, or with neither. */
   private modelMaterial(part: THREE.Mesh): THREE.ShaderMaterial {
     const first = Array.isArray(part.material) ? part.material[0] : part.material;
-    const map = (first as THREE.MeshBasicMaterial).map ?? null;
-    const material = surfaceMaterial({ ...this.uniforms, map: { value: map } });
+    const { map = null, normalMap = null, metalnessMap = null } = first as THREE.MeshStandardMaterial;
+    const material = surfaceMaterial({ ...this.uniforms, map: { value: map }, bump: { value: normalMap }, orm: { value: metalnessMap } });
     const colored = "color" in part.geometry.attributes;
+    if (map && normalMap && "tangent" in part.geometry.attributes) material.defines.USE_BUMP = "";
+    if (map && metalnessMap) material.defines.USE_GLOSS = "";
     material.defines[map ? "USE_MAP" : colored ? "LINEAR_COLOR" : "UNSEEN"] = "";
     if (map) map.anisotropy = 2;
     return material;
@@ -194,9 +225,9 @@ export class Surface {
     return made;
   }
 
-  private setAttribute(name: "rgba" | "value", data: Uint8Array | Float32Array, size: number): void {
+  private setAttribute(name: keyof typeof SIZES, data: Uint8Array | Float32Array, size: number): void {
     if (!this.full) return;
-    this.full.geometry.setAttribute(name, new THREE.BufferAttribute(data, size, size === 4));
+    this.full.geometry.setAttribute(name, new THREE.BufferAttribute(data, size, size > 1));
     if (this.light) this.copyToLight(name, data, size);
   }
 
@@ -207,7 +238,7 @@ export class Surface {
     for (let i = 0; i < nearest.length; i++) {
       for (let k = 0; k < size; k++) out[i * size + k] = data[nearest[i] * size + k];
     }
-    this.light!.geometry.setAttribute(name, new THREE.BufferAttribute(out, size, size === 4));
+    this.light!.geometry.setAttribute(name, new THREE.BufferAttribute(out, size, size > 1));
   }
 }
 
@@ -218,7 +249,14 @@ function inScanFrame(scene: THREE.Object3D): void {
   upright?.scale.setScalar(1);
 }
 
+/** Numbers of each attribute of the vertices that changes; those of bytes stand for 0..1. */
+const SIZES = { rgba: 4, value: 1, gloss: 2, shot: 4 };
+
 const linear = (c: number) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4);
+
+/** Stands for the mirrors of a sky where there is none. */
+const DARK = new THREE.DataArrayTexture(new Uint8Array(4), 1, 1, 1);
+DARK.needsUpdate = true;
 
 const RAMP_TEXTURE = rampTexture(RAMP);
 const PALETTE_TEXTURE = rampTexture(PALETTE, true);
@@ -240,6 +278,9 @@ function surfaceUniforms() {
     depths: { value: RAMP_TEXTURE as THREE.Texture },
     shadowMatrix: { value: new THREE.Matrix4() },
     radius: { value: 1 },
+    mirror: { value: DARK as THREE.DataArrayTexture },
+    mirrorUnit: { value: 0 },
+    skyFromScan: { value: new THREE.Matrix3() },
   };
 }
 
@@ -263,6 +304,10 @@ function meshOf(pack: Pack, material: THREE.Material): THREE.Mesh {
   geometry.setAttribute("normal", normalAttribute(normals as Int8Array));
   geometry.setAttribute("rgba", new THREE.BufferAttribute(new Uint8Array(count * 4), 4, true));
   geometry.setAttribute("value", new THREE.BufferAttribute(new Float32Array(count).fill(-1), 1));
+  const matte = new Uint8Array(2 * count);
+  for (let i = 0; i < matte.length; i += 2) matte[i] = 255;
+  geometry.setAttribute("gloss", new THREE.BufferAttribute(matte, 2, true));
+  geometry.setAttribute("shot", new THREE.BufferAttribute(new Uint8Array(count * 4), 4, true));
   geometry.computeBoundingSphere();
   return new THREE.Mesh(geometry, material);
 }

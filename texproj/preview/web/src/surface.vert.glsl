@@ -1,12 +1,25 @@
-// Vertex shader of the model. in: position relative to the scene's center (mesh units), normal
-// (unit), rgba (sRGB, a = seen) or color (linear, of a glb), value (layer); out: the same for the
-// fragment, color in linear light.
+// Vertex shader of the model. in: position relative to the scene's center, or to that of its node
+// (mesh units), normal
+// (unit), rgba (sRGB, a = seen) or color (linear, of a glb), value (layer), gloss (roughness and
+// metallic), shot (sRGB as photographed, a = seen), tangent (of a glb with a normal map); out: the
+// same for the fragment, colors in linear light.
 #ifdef LINEAR_COLOR
 in vec3 color;
 #else
 in vec4 rgba;
 #endif
 in float value;
+#ifdef USE_BUMP
+in vec4 tangent;
+out vec4 vTangent;
+#endif
+#ifndef USE_MAP
+in vec2 gloss;
+in vec4 shot;
+#endif
+out vec2 vGloss;
+out vec4 vShot;
+out vec3 vToEye;
 out vec3 vNormal;
 out vec3 vPosition;
 out vec3 vNormalInView;
@@ -23,7 +36,7 @@ vec3 linearOf(vec3 c) {
 void main() {
   vec4 inView = modelViewMatrix * vec4(position, 1.0);
   vNormal = normal;
-  vPosition = position;
+  vPosition = (modelMatrix * vec4(position, 1.0)).xyz;
   vNormalInView = normalMatrix * normal;
   vPositionInView = inView.xyz;
 #ifdef LINEAR_COLOR
@@ -35,8 +48,16 @@ void main() {
   vFlatValue = value;
 #ifdef USE_MAP
   vUv = uv;
+  vGloss = vec2(1.0, 0.0);
+  vShot = vec4(0.0);
 #else
   vUv = vec2(0.0);
+  vGloss = gloss;
+  vShot = vec4(linearOf(shot.rgb), shot.a);
 #endif
+#ifdef USE_BUMP
+  vTangent = tangent;
+#endif
+  vToEye = cameraPosition - vPosition;
   gl_Position = projectionMatrix * inView;
 }
