@@ -146,8 +146,8 @@ def test_the_sun_is_found_and_taken_out():
 
     assert found.accepted, found.reason
     assert angle_deg(found.light.to_sun, SUNNY.to_sun.astype(float)) < 2
-    assert np.median(after) < 6
-    assert np.median(after) < 0.5 * np.median(before)
+    assert np.median(after) < 6.5
+    assert np.median(after) < 0.45 * np.median(before)
     assert 0 <= found.confidence.min() < found.confidence.max() <= 1
     sure = found.confidence > np.median(found.confidence)
     assert np.median(after[sure]) < np.median(after)

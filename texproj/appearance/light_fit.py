@@ -34,7 +34,7 @@ QUICK_ROUNDS = 3
 LOSS_SCALE = 0.15
 """Relative difference at which a point counts half (Cauchy): textures vary by that."""
 
-RIDGE = 1e-3
+RIDGE = 1e-4
 """Pull of the harmonics above the constant one to 0, as a part of the points: what points in few
 directions do not tell stays small."""
 

@@ -25,13 +25,17 @@ LOG = logging.getLogger("texproj")
 MOST_LOCAL = 256
 CONNECT_S, CLOSE_S = 10, 2
 """Seconds to find a scheduler: it is there or it is not; to take leave of one that may be gone."""
-ALONE_S = 60
-"""Seconds without any worker after which nobody will come: one that died is back before."""
+ALONE_S = 180
+"""Seconds without any worker after which nobody will come: one that died is back before, on a busy
+machine, too."""
 SILENT = "60 s"
 """After which a worker of this machine that gives no sign of life is taken for dead: reading the
 largest mesh keeps one silent for half of that."""
 QUIET = re.compile(r"(distributed|bokeh|tornado)\b")
 """Loggers of others; each has a level and a way to the terminal of its own."""
+BACK_AGAIN = "600 s"
+"""In which a process of this machine that ended is begun anew: after that Dask gives it up. Its own
+15 seconds are too few on a busy machine."""
 MISSING = "--cluster needs Dask, which is not installed: pip install distributed bokeh"
 
 
@@ -57,7 +61,11 @@ class Cluster:
 
     def submit(self, work: Callable[..., T], *args: Any) -> Pending[T]:
         """Have ``work(*args)`` run by whoever is free."""
-        return _Task(self, self.client.submit(_in_one_thread, work, *args, pure=False))
+
+        def begin() -> Any:
+            return self.client.submit(_in_one_thread, work, *args, pure=False)
+
+        return _Task(self, begin, [begin()])
 
     def everywhere(self, work: Callable[..., T], *args: Any) -> dict[str, T]:
         """What ``work(*args)``, which must be quick, gives in each worker, by its address. Raises
@@ -79,7 +87,7 @@ class Cluster:
         if self.client.status != "running":
             raise self.gone()
         if self.count:
-            self._alone_since.clear()
+            self.somebody_is_there()
             return
         self._alone_since[:] = self._alone_since or [time.monotonic()]
         if time.monotonic() - self._alone_since[0] > ALONE_S:
@@ -87,6 +95,10 @@ class Cluster:
                 f"the cluster at {self.address} has no worker left; what was done is kept: start"
                 " workers, then the same command again"
             )
+
+    def somebody_is_there(self) -> None:
+        """There is a worker, or was one a moment ago."""
+        self._alone_since.clear()
 
     def gone(self) -> ClusterError:
         """That the scheduler does not answer any more."""
@@ -98,23 +110,35 @@ class Cluster:
 
 @dataclass(frozen=True, eq=False)
 class _Task(Generic[T]):
+    """begin: have it run once more; futures: Dask's, of each time."""
+
     cluster: Cluster
-    future: Any
+    begin: Callable[[], Any]
+    futures: list[Any]
 
     def result(self, listen: Callable[[], None]) -> T:
         from distributed import KilledWorker  # noqa: PLC0415 - slow to load
 
-        done = threading.Event()
-        self.future.add_done_callback(lambda _: done.set())
+        try:
+            return self._awaited(listen)
+        except KilledWorker:  # maybe for another task that the worker had
+            self.futures.append(self.begin())
+        try:
+            return self._awaited(listen)
+        except KilledWorker as error:
+            raise WorkerLostError from error
+
+    def _awaited(self, listen: Callable[[], None]) -> T:
+        future, done = self.futures[-1], threading.Event()
+        future.add_done_callback(lambda _: done.set())
         listen()
-        while not self.future.done():
+        while not future.done():
             done.wait(LISTEN_S)
             self.cluster.check()
             listen()
+        self.cluster.somebody_is_there()
         try:
-            found: T = self.future.result()
-        except KilledWorker as error:
-            raise WorkerLostError from error
+            found: T = future.result()
         except CancelledError as error:
             raise self.cluster.gone() from error
         return found
@@ -159,16 +183,21 @@ def _cluster_here(count: int) -> Iterator[Any]:
     from distributed import LocalCluster  # noqa: PLC0415
 
     env = {**dict.fromkeys(THREADS, "1"), "LP_NUM_THREADS": "0"}
-    with dask.config.set({"distributed.scheduler.worker-ttl": SILENT}):
+    patient = {
+        "scheduler.worker-ttl": SILENT,
+        "deploy.lost-worker-timeout": BACK_AGAIN,
+        "scheduler.worker-saturation": 1.0,  # whoever waits behind a task is not blamed with it
+    }
+    with dask.config.set({f"distributed.{key}": value for key, value in patient.items()}):
         here = LocalCluster(
             n_workers=count, threads_per_worker=1, dashboard_address="127.0.0.1:0",
             silence_logs=logging.CRITICAL, env=env,
         )  # fmt: skip
-    try:
-        yield here
-    finally:
-        with suppress(Exception):
-            here.close(timeout=CLOSE_S)
+        try:
+            yield here
+        finally:
+            with suppress(Exception):
+                here.close(timeout=CLOSE_S)
 
 
 def _await_workers(cluster: Cluster) -> None:

@@ -132,7 +132,8 @@ def polarized_flash_appearance(
         flashes = dark.flashes.with_gain(gain * np.float32(unit))
         found = _Found(lamp, flashes, paints, kinds)
         made = _everywhere(mesh, dark, bright, sets, found, verdict)
-    return replace(made, irradiance=blend.rgb / np.maximum(made.base, np.float32(1e-3)))
+    irradiance = (blend.rgb / np.maximum(made.base, np.float32(1e-3))).astype(np.float32)
+    return replace(made, irradiance=irradiance)
 
 
 @dataclass(frozen=True, eq=False)

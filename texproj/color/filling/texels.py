@@ -15,7 +15,7 @@ from texproj.arrays import Floats
 from texproj.color.filling.gutters import enlarged, filled_half
 from texproj.color.filling.vertices import fill_vertices
 from texproj.color.points.texels import TexelPoints
-from texproj.mesh import Mesh
+from texproj.mesh import Mesh, blocks
 from texproj.resources.threads import in_parallel
 from texproj.unwrap.atlas import Atlas
 
@@ -146,21 +146,23 @@ def vertex_colors(
     """(V, 3) encoded colors of the vertices as the texels at the faces' corners have them that are
     seen and not near what is unseen, and (V,) whether there are any. apart: see `from_unseen`.
     """
-    total = np.zeros((len(mesh.vertices), 4))
+    total = np.zeros((4, len(mesh.vertices)))
     for page, (image, distance) in enumerate(zip(pages, apart, strict=True)):
-        faces = np.flatnonzero(atlas.page_of_face == page)
-        corners = atlas.uv_px[atlas.faces[faces]]
-        xy = corners + INWARDS * (corners.mean(axis=1, keepdims=True) - corners)
-        at = np.minimum(np.floor(xy.reshape(-1, 2)), np.array(image.shape[1::-1]) - 1)
-        column, row = at.astype(np.int64).T
-        sure = np.flatnonzero(distance[row, column] > FADE)
-        vertex = mesh.faces[faces].ravel()[sure]
-        values = image[row[sure], column[sure]]
-        for channel in range(3):
-            total[:, channel] += np.bincount(vertex, values[:, channel], len(total))
-        total[:, 3] += np.bincount(vertex, minlength=len(total))
-    rgb = total[:, :3] / np.maximum(total[:, 3:], 1)
-    return rgb.astype(np.float32), total[:, 3] > 0
+        on_page = np.flatnonzero(atlas.page_of_face == page)
+        for rows in blocks(len(on_page)):
+            faces = on_page[rows]
+            corners = atlas.uv_px[atlas.faces[faces]]
+            xy = corners + INWARDS * (corners.mean(axis=1, keepdims=True) - corners)
+            at = np.minimum(np.floor(xy.reshape(-1, 2)), np.array(image.shape[1::-1]) - 1)
+            column, row = at.astype(np.int64).T
+            sure = np.flatnonzero(distance[row, column] > FADE)
+            vertex = mesh.faces[faces].ravel()[sure]
+            values = image[row[sure], column[sure]].astype(np.float64)
+            for channel in range(3):
+                np.add.at(total[channel], vertex, values[:, channel])
+            np.add.at(total[3], vertex, 1.0)
+    rgb = total[:3] / np.maximum(total[3], 1)
+    return np.ascontiguousarray(rgb.T, np.float32), total[3] > 0
 
 
 def barycentric(corners: NDArray[np.float64], xy: NDArray[np.float64]) -> NDArray[np.float64]:
