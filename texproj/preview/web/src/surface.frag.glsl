@@ -2,10 +2,15 @@
 // Shading: Cook-Torrance with GGX (Walter et al. 2007), Smith's masking in the form of Heitz 2014,
 // Schlick's Fresnel; tone mapping: Khronos PBR Neutral.
 precision highp float;
+#ifdef RELIT                // what only the layers about reflectance need, so that others stay quick
 precision highp sampler2DArray;
 in vec2 vGloss;
 in vec4 vShot;
 in vec3 vToEye;
+uniform sampler2DArray mirror; // the sky as mirrors of growing roughness show it, over mirrorUnit
+uniform float mirrorUnit;   // 0 = dark
+uniform mat3 skyFromScan;   // to the right, up, ahead of its picture
+#endif
 #ifdef USE_BUMP
 in vec4 vTangent;
 uniform sampler2D bump;     // tangent-space normals
@@ -36,9 +41,6 @@ uniform bool shadowed;
 uniform sampler2D depths;   // as the sun sees the model
 uniform mat4 shadowMatrix;
 uniform float radius;       // of the scene
-uniform sampler2DArray mirror; // the sky as mirrors of growing roughness show it, over mirrorUnit
-uniform float mirrorUnit;   // 0 = dark
-uniform mat3 skyFromScan;   // to the right, up, ahead of its picture
 #ifdef USE_MAP
 uniform sampler2D map;
 #endif
@@ -146,6 +148,7 @@ vec3 ownNormal() {
   return n;
 }
 
+#ifdef RELIT
 // Occlusion, roughness, metallic.
 vec3 surfaceGloss() {
 #ifdef USE_GLOSS
@@ -196,21 +199,24 @@ vec3 relit() {
   }
   return encoded(toned(out_ * metered * exposure));
 }
+#endif
 
 vec3 picture() {
   vec3 n = normalize(vNormalInView);
   if (mode == 1) return encoded(shaded(n));
   if (mode == 2) return ownNormal() * 0.5 + 0.5;
+#ifdef RELIT
+  if (mode == 6) return relit();
   if (mode == 8) return vShot.a < 0.5 ? unseen() : encoded(vShot.rgb * exposure);
 #ifdef USE_GLOSS
   if (mode == 9) return texture(ramp, vec2(surfaceGloss().g, 0.5)).rgb;
   if (mode == 10) return texture(ramp, vec2(surfaceGloss().b, 0.5)).rgb;
 #endif
+#endif
   if (mode == 3) return vValue < 0.0 ? unseen() : encoded(vec3(vValue) * exposure);
   if (mode == 4) return vFlatValue < -0.5 ? unseen() : texture(ramp, vec2((vFlatValue + 0.5) / 256.0, 0.5)).rgb;
   if (mode == 5) return vValue <= 0.0 ? unseen() : texture(ramp, vec2(clamp(vValue / span, 0.0, 1.0), 0.5)).rgb;
   if (mode == 7) return vValue < 0.0 ? unseen() : texture(ramp, vec2(clamp(vValue / span, 0.0, 1.0), 0.5)).rgb;
-  if (mode == 6) return relit();
   vec4 color = surfaceColor();
   return color.a < 0.5 ? unseen() : encoded(color.rgb * exposure);
 }

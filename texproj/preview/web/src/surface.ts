@@ -143,6 +143,7 @@ export class Surface {
     this.layer = layer;
     this.uniforms.mode.value = this.byTexture(layer) ? (LIT_MODES[layer] ?? MODES[layer]) : MODES[layer];
     this.uniforms.ramp.value = layer === "source" ? PALETTE_TEXTURE : RAMP_TEXTURE;
+    if (layer !== "texture") setRelit(this.material, layer === "relit" || layer === "photographed");
     this.show();
   }
 
@@ -215,6 +216,7 @@ export class Surface {
     if (map && metalnessMap) material.defines.USE_GLOSS = "";
     material.defines[map ? "USE_MAP" : colored ? "LINEAR_COLOR" : "UNSEEN"] = "";
     if (map) map.anisotropy = 2;
+    setRelit(material, this.lit);
     return material;
   }
 
@@ -240,6 +242,14 @@ export class Surface {
     }
     this.light!.geometry.setAttribute(name, new THREE.BufferAttribute(out, size, size > 1));
   }
+}
+
+/** Whether a material can show the layers about reflectance; others are drawn quicker without. */
+function setRelit(material: THREE.ShaderMaterial, on: boolean): void {
+  if ("RELIT" in material.defines === on) return;
+  if (on) material.defines.RELIT = "";
+  else delete material.defines.RELIT;
+  material.needsUpdate = true;
 }
 
 /** Undo the turn and scale by which a glb stands upright: here it stands in the scan's frame. */

@@ -13,6 +13,7 @@ in float value;
 in vec4 tangent;
 out vec4 vTangent;
 #endif
+#ifdef RELIT
 #ifndef USE_MAP
 in vec2 gloss;
 in vec4 shot;
@@ -20,6 +21,7 @@ in vec4 shot;
 out vec2 vGloss;
 out vec4 vShot;
 out vec3 vToEye;
+#endif
 out vec3 vNormal;
 out vec3 vPosition;
 out vec3 vNormalInView;
@@ -48,16 +50,21 @@ void main() {
   vFlatValue = value;
 #ifdef USE_MAP
   vUv = uv;
+#else
+  vUv = vec2(0.0);
+#endif
+#ifdef RELIT
+#ifdef USE_MAP
   vGloss = vec2(1.0, 0.0);
   vShot = vec4(0.0);
 #else
-  vUv = vec2(0.0);
   vGloss = gloss;
   vShot = vec4(linearOf(shot.rgb), shot.a);
+#endif
+  vToEye = cameraPosition - (modelMatrix * vec4(position, 1.0)).xyz;
 #endif
 #ifdef USE_BUMP
   vTangent = tangent;
 #endif
-  vToEye = cameraPosition - vPosition;
   gl_Position = projectionMatrix * inView;
 }
