@@ -51,8 +51,11 @@ def shared_views(cameras: Sequence[Camera], render: Render) -> tuple[Doubles, Do
         view = render(camera)
         depths.append(_Depth.of(view.require("depth")))
         samples.append(_surface_samples(camera, view, each))
-    size = np.array([len(xyz) for xyz in samples])
-    owner, xyz = np.repeat(np.arange(len(small)), size), np.concatenate(samples)
+    size = np.array([len(xyz) for xyz in samples], np.intp)
+    owner, xyz = (
+        np.repeat(np.arange(len(small)), size),
+        np.concatenate([np.zeros((0, 3)), *samples]),
+    )
     centers = np.array([camera.center for camera in small])
     share, angle_deg = np.zeros((len(small),) * 2), np.full((len(small),) * 2, 180.0)
     for j, other in enumerate(small):
