@@ -212,7 +212,8 @@ def flash_project(tmp_path_factory):
     (root / "cameras.json").write_text(cameras_json(records.values()))
     lamp = ", ".join(str(x) for x in LAMP)
     (root / "project.toml").write_text(
-        f'mesh = "lump.ply"\n[light]\nkind = "flash"\nlamp = [{lamp}]\n[color]\noccluders = false\n'
+        f'mesh = "lump.ply"\n[light]\nkind = "flash"\nposition = [{lamp}]\n'
+        "[color]\noccluders = false\n"
     )
     return root
 

@@ -72,7 +72,7 @@ def polarized_project(tmp_path_factory):
     (root / "photos-crossed/03.png").rename(root / "photos-crossed/99.png")
     (root / "cameras.json").write_text(cameras_json(records.values()))
     lamp = ", ".join(str(x) for x in LAMP)
-    (root / "project.toml").write_text(f'[light]\nkind = "polarized"\nlamp = [{lamp}]\n')
+    (root / "project.toml").write_text(f'[light]\nkind = "polarized"\nposition = [{lamp}]\n')
     return root
 
 

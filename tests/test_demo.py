@@ -381,7 +381,7 @@ def test_pieces_in_a_light_that_is_to_be_found(light, tmp_path):
 
     project = Project.open(tmp_path)
     assert project.settings.light.kind == light
-    assert (project.settings.light.lamp is not None) == (light == "flash")
+    assert (project.settings.light.position is not None) == (light == "flash")
     records = project.load_cameras()
     assert [r.status for r in records.values()] == ["registered"] * 2
     for photo in demo.photos:

@@ -123,11 +123,11 @@ def test_settings_are_a_form(root, page):
     assert "bits" not in (root / "project.toml").read_text()
     page.locator("summary").filter(has_text="Light").click()
     for axis, value in (("x", "0.06"), ("y", "-0.08"), ("z", "0")):
-        field = page.get_by_label(f"Lamp, {axis}")
+        field = page.get_by_label(f"Position, {axis}")
         field.fill(value)
         field.press("Tab")
-    page.get_by_role("button", name="Default of Lamp").wait_for()
-    assert Project.open(root).settings.light.lamp == (0.06, -0.08, 0)
+    page.get_by_role("button", name="Default of Position").wait_for()
+    assert Project.open(root).settings.light.position == (0.06, -0.08, 0)
     assert page.locator('[data-setting^="preview."]').count() == 0
     page.get_by_role("button", name="Close").click()
     page.locator("#make-to").select_option("patches")

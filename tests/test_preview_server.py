@@ -716,17 +716,17 @@ def test_the_place_of_a_lamp_has_a_field(own):
 
     def answered(value):
         base = page.get("/api/settings").json()["version"]
-        changes = [{"table": "light", "key": "lamp", "value": value}]
+        changes = [{"table": "light", "key": "position", "value": value}]
         return page.patch("/api/settings", json={"changes": changes, "base": base}).status_code
 
     (light,) = (t for t in page.get("/api/settings").json()["tables"] if t["name"] == "light")
-    (lamp,) = (option for option in light["options"] if option["key"] == "lamp")
+    (lamp,) = (option for option in light["options"] if option["key"] == "position")
     assert (lamp["kind"], lamp["value"], lamp["default"]) == ("place", None, None)
     assert [answered(value) for value in ([0.1, 0.2], ["a", "b", "c"], [True, 0, 0])] == [400] * 3
     assert answered([0.06, -0.08, 0]) == 200
-    assert Project.open(root).settings.light.lamp == (0.06, -0.08, 0)
+    assert Project.open(root).settings.light.position == (0.06, -0.08, 0)
     assert answered(None) == 200
-    assert Project.open(root).settings.light.lamp is None
+    assert Project.open(root).settings.light.position is None
 
 
 def test_no_line_of_a_linked_text_reaches_the_browser(own, tmp_path):

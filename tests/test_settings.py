@@ -71,8 +71,11 @@ def test_every_option_is_documented(name):
         ("[output]\nfaces = 1.5", "faces = 1.5: must be a list"),
         ("[color]\npreference = true", "preference = true: true is no value that it can have"),
         ("[output]\nfaces = false", "faces = false: false is no value that it can have"),
-        ("[light]\nlamp = [0, 0]", "lamp = [0, 0]: must be a list of 3 numbers"),
-        ("[light]\nlamp = [0, 0, 0, 0]", "lamp = [0, 0, 0, 0]: must be a list of 3 numbers"),
+        ("[light]\nposition = [0, 0]", "position = [0, 0]: must be a list of 3 numbers"),
+        (
+            "[light]\nposition = [0, 0, 0, 0]",
+            "position = [0, 0, 0, 0]: must be a list of 3 numbers",
+        ),
         ('[color]\npreference = "always"', "preference = 'always': input should be a valid number"),
     ],
 )

@@ -79,7 +79,7 @@ def make_lit_demo(
 
 def light_settings(light: DemoLight) -> str:
     """What project.toml says of the light; cameras that are exact are left as they are."""
-    lamp = f"lamp = {list(FLASH_PLACE)}\n" if light == "flash" else ""
+    lamp = f"position = {list(FLASH_PLACE)}\n" if light == "flash" else ""
     return f'\n[light]\nkind = "{light}"\n{lamp}\n[refine]\nenabled = false\n'
 
 

@@ -68,7 +68,7 @@ def check_light(project: Project) -> None:
     if options.gray is not None and not (project.root / options.gray).is_file():
         path = project.root / options.gray
         raise InputError(f"no photo of a color chart at {path}; correct `gray` in [light]")
-    told = options.lamp is not None or options.flash is not None
+    told = options.position is not None or options.profile is not None
     if options.kind == "flash" or (options.kind == "polarized" and told):
         lamp_of(project)
 
@@ -78,21 +78,21 @@ def lamp_of(project: Project) -> Lamp:
     from texproj.appearance.flash.lamp import Lamp  # noqa: PLC0415 - slow to load
 
     options = project.settings.light
-    if options.flash is not None:
+    if options.profile is not None:
         return _calibrated(project, options)
-    if options.lamp is None:
+    if options.position is None:
         raise InputError(
             f"{project.root / 'project.toml'}: nothing says where the flash is; give [light]"
-            " `lamp`, its place right of the lens, below and in front of it, in units of the scan,"
-            " or `flash`, the file of `texproj calibrate-flash`"
+            " `position`, its place right of the lens, below and in front of it, in units of the"
+            " scan, or `profile`, the file of `texproj calibrate-flash`"
         )
     from texproj.stages.flash_file import FARTHEST  # noqa: PLC0415 - slow to load
 
-    place = np.array(options.lamp, float)
+    place = np.array(options.position, float)
     if not (np.abs(place) <= FARTHEST).all():
         raise InputError(
-            f"{project.root / 'project.toml'}: [light] `lamp` = {list(options.lamp)} is no place;"
-            " give three numbers in units of the scan"
+            f"{project.root / 'project.toml'}: [light] `position` = {list(options.position)} is no"
+            " place; give three numbers in units of the scan"
         )
     return Lamp(place)
 
@@ -100,15 +100,15 @@ def lamp_of(project: Project) -> Lamp:
 def _calibrated(project: Project, options: LightOptions) -> Lamp:
     from texproj.stages.flash_file import read_flash  # noqa: PLC0415 - slow to load
 
-    assert options.flash is not None
-    if options.lamp is not None:
+    assert options.profile is not None
+    if options.position is not None:
         raise InputError(
-            f"{project.root / 'project.toml'}: `lamp` and `flash` in [light] both say where the"
-            " flash is; leave one out"
+            f"{project.root / 'project.toml'}: `position` and `profile` in [light] both say where"
+            " the flash is; leave one out"
         )
-    path = project.root / options.flash
+    path = project.root / options.profile
     if not path.is_file():
-        raise InputError(f"no flash calibration at {path}; correct `flash` in [light]")
+        raise InputError(f"no flash calibration at {path}; correct `profile` in [light]")
     return read_flash(path)
 
 
@@ -221,7 +221,7 @@ def _polarized(
     """Under a flash where [light] says where it is, else under lamps that stand still."""
     pairs = pairs.without(colors.failed)
     options = bench.project.settings.light
-    if options.lamp is not None or options.flash is not None:
+    if options.position is not None or options.profile is not None:
         blend = colors.rgb, colors.weight > 0
         return by_polarized_flash(bench, pairs, lamp_of(bench.project), blend, progress)
     found = _by_lamps_or_sky(bench, colors, pairs.crossed, progress)

@@ -42,7 +42,7 @@ class FlashVerdict(Prediction):
             f"the flash does not explain the photos here: those held out are predicted by"
             f" {self.lit_db:.1f} dB, by plain colors {self.plain_db:.1f} and {LEAST_GAIN_DB:.1f}"
             " more are asked for; photograph in a dark room with the flash as the only light, and"
-            " say in [light] `lamp` where it is"
+            " say in [light] `position` where it is"
         )
 
 

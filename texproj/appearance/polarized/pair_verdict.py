@@ -28,8 +28,8 @@ class PairVerdict(Prediction):
         return (
             f"the flash does not explain the crossed photos: those held out are predicted by"
             f" {self.lit_db:.1f} dB, by plain colors {self.plain_db:.1f} and {LEAST_GAIN_DB:.1f}"
-            " more are asked for; photograph in a dark room, and say in [light] `lamp` where the"
-            " flash is, or leave `lamp` out where lamps stand still"
+            " more are asked for; photograph in a dark room, and say in [light] `position` where"
+            " the flash is, or leave `position` out where lamps stand still"
         )
 
 
