@@ -228,6 +228,7 @@ def test_the_command_writes_gloss_and_metals(flash_project, capsys):
     images = {f"{name}_0.png" for name in ("base_color", "roughness", "metallic", "confidence")}
     assert images | {"model.glb", "model.obj", "model.mtl", "materials.json"} < set(told["files"])
     light = json.loads((out / "light.json").read_text())
+    assert light["sun"] is None
     assert light["kind"] == "flash"
     assert light["accepted"]
     assert len(light["output"]) == 30

@@ -182,6 +182,7 @@ def light_facts(
     verdict = appearance.verdict
     told = {
         "kind": kind,
+        "sun": None,
         "accepted": appearance.accepted,
         "reason": appearance.reason,
         "absolute": appearance.absolute,
