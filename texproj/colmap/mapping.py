@@ -59,7 +59,7 @@ def _options(task: Task, calibrated: set[int]) -> Any:
     options.image_names = list(task.keys)
     options.min_model_size = 3
     options.extract_colors = False
-    options.num_threads = task.threads
+    options.num_threads = 1  # with more the same photos now and then give another frame
     options.random_seed = SEED
     options.mapper.random_seed = SEED
     options.triangulation.random_seed = SEED
@@ -101,6 +101,7 @@ def _adjusted(model: Any, many: set[int], free_center: bool) -> Any:
     options = pycolmap.BundleAdjustmentOptions()
     options.refine_principal_point = free_center
     options.print_summary = False
+    options.ceres.solver_options.num_threads = 1
     pycolmap.create_default_bundle_adjuster(options, config, model).solve()
     model.update_point_3d_errors()
     return model
