@@ -10,6 +10,7 @@ from texproj.cli import main
 from texproj.project import Project
 from texproj.records import PROOF
 from texproj.stages.entries import start_of
+from texproj.stages.refining import refine_freshness
 
 
 @pytest.fixture(scope="module")
@@ -50,6 +51,7 @@ def test_a_second_refinement_does_nothing(folder, capsys):
 
     assert refine_state(folder, capsys)["kept"]
     assert (folder / "cameras.json").read_bytes() == before
+    assert refine_freshness(Project.open(folder), in_run=True).fresh  # as part of `run`, too
 
 
 def test_what_was_refined_before_proofs_were_told_stays(folder, capsys):

@@ -100,7 +100,7 @@ def refine_project(
         raise InputError(f"{project.root} has fewer than two registered photos to refine together")
     project.check_writable(project.work)
     progress(STAGE, 0, 1, "")
-    names, hold = list(before), _hold(project, in_run)
+    names, hold = list(before), _hold(project, entries, in_run)
     fixed = [hold == "imported" and not entries[n].sought for n in names]
     picks = _picks(project, before) if hold == "picks" else {}
     told = 1
@@ -126,7 +126,7 @@ def refine_project(
 def refine_freshness(project: Project, in_run: bool) -> Freshness:
     """Whether the cameras agree as well as they can."""
     record, entries = project.load_record(STAGE), project.load_cameras()
-    inputs = {**_inputs(project, entries, record or {}), HELD: _hold(project, in_run)}
+    inputs = {**_inputs(project, entries, record or {}), HELD: _hold(project, entries, in_run)}
     reason = changed_inputs(record, inputs, project.settings.exclude)
     if record is not None and not reason:
         moved = [n for n, h in record["after"].items() if _hash(entries.get(n)) != h]
@@ -180,12 +180,13 @@ class Held:
     picks: Mapping[str, Correspondences]
 
 
-def _hold(project: Project, in_run: bool) -> str:
-    """What the settings let hold the frame."""
+def _hold(project: Project, entries: Entries, in_run: bool) -> str:
+    """What the settings let hold the frame: in a run imported cameras, where there are any."""
     hold = project.settings.refine.hold
-    if hold == "auto":
-        return "imported" if in_run else "none"
-    return hold
+    if hold != "auto":
+        return hold
+    imported = any(e.registered_camera and not e.sought for e in entries.values())
+    return "imported" if in_run and imported else "none"
 
 
 def _picks(project: Project, before: Mapping[str, CameraRecord]) -> dict[str, Correspondences]:
