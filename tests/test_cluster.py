@@ -158,7 +158,10 @@ def test_colors_are_the_same_to_the_last_byte(project_folder, cluster):
     assert not (project_folder / "work" / "points").exists()
 
 
-@pytest.mark.parametrize("address", ["local:0", "local:9999", "local", "host:8786", "tcp://host"])
+@pytest.mark.parametrize(
+    "address",
+    ["local:0", "local:9999", "local", "host:8786", "tcp://host", "ucx://h:1", "tls://127.0.0.1:1"],
+)
 def test_an_address_that_is_none_is_told(address):
     with pytest.raises(UsageError, match="give "), cluster_at(address):
         pass

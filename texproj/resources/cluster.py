@@ -151,7 +151,7 @@ def cluster_at(address: str) -> Iterator[Cluster]:
     ClusterError for one that does not answer.
     """
     local = re.fullmatch(r"local:(\d+)", address)
-    if local is None and not re.fullmatch(r"(tcp|tls|ucx)://\S+:\d+", address):
+    if local is None and not re.fullmatch(r"(tcp|tls)://\S+:\d+", address):
         raise UsageError(f"--cluster {address!r}: give tcp://HOST:8786, or local:4")
     if local is not None and not 1 <= int(local[1]) <= MOST_LOCAL:
         raise UsageError(f"--cluster {address!r}: give 1 to {MOST_LOCAL} processes")
@@ -166,6 +166,11 @@ def cluster_at(address: str) -> Iterator[Cluster]:
             client = distributed.Client(here or address, timeout=CONNECT_S, set_as_default=False)
         except (OSError, ValueError) as error:
             raise ClusterError(f"no Dask scheduler answers at {address}: {_short(error)}") from None
+        except TypeError:  # Dask's, where it has no certificates
+            raise UsageError(
+                f"--cluster {address!r}: Dask has no certificates; name them in its"
+                " configuration (distributed.comm.tls), or give tcp://HOST:8786"
+            ) from None
         try:
             cluster = Cluster(address, client.dashboard_link, client)
             _await_workers(cluster)
