@@ -61,6 +61,7 @@ def demo(
     """Make a synthetic project, run it, and say where to look.
 
     Example: texproj demo
+
     Example: texproj demo lit --light turntable
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
