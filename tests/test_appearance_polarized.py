@@ -149,6 +149,40 @@ def test_no_partner_at_all_is_an_error(polarized_project, tmp_path, capsys):
     assert "photos-crossed" in capsys.readouterr().err
 
 
+def cut(folder):
+    for path in folder.glob("*.png"):
+        path.write_bytes(path.read_bytes()[:2000])
+
+
+def square(folder):
+    for path in folder.glob("*.png"):
+        Image.new("RGB", (80, 80)).save(path)
+
+
+def hide(folder):
+    (folder.parent / "masks").mkdir()
+    for path in (folder.parent / "photos").glob("*.png"):
+        Image.new("L", SIZE, 0).save(folder.parent / "masks" / path.name)
+
+
+@pytest.mark.parametrize(
+    ("harm", "reason"),
+    [(cut, "damaged"), (square, "80 x 80 pixels"), (hide, "no photo shows any of the mesh")],
+)
+def test_pairs_of_which_none_can_be_used(polarized_project, tmp_path, capsys, harm, reason):
+    """Why, and nothing is written."""
+    root = tmp_path / "harmed"
+    shutil.copytree(polarized_project, root, ignore=shutil.ignore_patterns("out", "work"))
+    harm(root / "photos-crossed")
+
+    assert main(["appearance", str(root)]) == 2
+
+    said = capsys.readouterr().err
+    assert reason in said
+    assert "internal fault" not in said
+    assert not list(root.glob("out/*"))
+
+
 @pytest.mark.parametrize("unfiltered", [False, True])
 def test_the_difference_is_the_mirror(unfiltered):
     """Whether the brighter photos had a filter or none: of paint of white under the same light."""

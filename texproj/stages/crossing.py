@@ -58,7 +58,8 @@ def photo_pairs(project: Project, cameras: Mapping[str, Camera]) -> PhotoPairs:
     """The pairs of the registered photos. Raises InputError where there is none."""
     from texproj.color.sampling.photo_set import PhotoSet  # noqa: PLC0415 - slow to load
 
-    failed, exposure, kept = {}, [], {}
+    failed: dict[str, str] = {}
+    exposure, kept = [], {}
     for name, camera in cameras.items():
         try:
             exposure.append(_exposure(project, name))
@@ -68,6 +69,9 @@ def photo_pairs(project: Project, cameras: Mapping[str, Camera]) -> PhotoPairs:
     for note in project.crossed.notes:
         failed[note.split(" is ignored")[0]] = note
     if not kept:
+        unfit = [failed[name] for name in cameras if one_of(project.crossed, name) is not None]
+        if unfit:
+            raise InputError(f"no crossed photo can be used: {'; '.join(unfit)}")
         raise InputError(
             f"no photo has a partner in {project.root / CROSSED_FOLDER}; put each photo's crossed"
             " one there, under its name"
