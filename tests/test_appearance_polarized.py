@@ -132,10 +132,14 @@ def test_swapped_folders_are_refused(polarized_project, tmp_path, capsys):
     (root / "photos-crossed").rename(root / "photos")
     (root / "other").rename(root / "photos-crossed")
     (root / "photos/99.png").rename(root / "photos/03.png")
+    damaged = root / "photos/05.png"
+    damaged.write_bytes(damaged.read_bytes()[:2000])
 
-    main(["appearance", str(root), "--json"])
+    assert main(["appearance", str(root), "--json"]) == 1
 
-    light = json.loads(capsys.readouterr().out)["light"]
+    told = json.loads(capsys.readouterr().out)
+    light = told["light"]
+    assert "damaged" in told["failed"]["05.png"]
     assert not light["accepted"]
     assert "swap the folders" in light["reason"]
 

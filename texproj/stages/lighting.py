@@ -131,8 +131,8 @@ def found_appearance(bench: Workbench, progress: Progress) -> tuple[VertexColors
     colors = _blended(bench, photos, progress)
     _require_sight(colors, photos)
     if pairs is not None:
-        colors = replace(colors, failed=colors.failed | pairs.failed)
-        return colors, _polarized(bench, colors, pairs, progress)
+        appearance = _polarized(bench, colors, pairs, progress)
+        return replace(colors, failed=colors.failed | pairs.failed), appearance
     if said == "flash":
         return colors, _under_flash(bench, colors, progress)
     return colors, _by_lamps_or_sky(bench, colors, _readable(bench, colors), progress)
