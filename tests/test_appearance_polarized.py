@@ -132,10 +132,14 @@ def test_swapped_folders_are_refused(polarized_project, tmp_path, capsys):
     (root / "photos-crossed").rename(root / "photos")
     (root / "other").rename(root / "photos-crossed")
     (root / "photos/99.png").rename(root / "photos/03.png")
+    damaged = root / "photos/05.png"
+    damaged.write_bytes(damaged.read_bytes()[:2000])
 
-    main(["appearance", str(root), "--json"])
+    assert main(["appearance", str(root), "--json"]) == 1
 
-    light = json.loads(capsys.readouterr().out)["light"]
+    told = json.loads(capsys.readouterr().out)
+    light = told["light"]
+    assert "damaged" in told["failed"]["05.png"]
     assert not light["accepted"]
     assert "swap the folders" in light["reason"]
 
@@ -147,6 +151,40 @@ def test_no_partner_at_all_is_an_error(polarized_project, tmp_path, capsys):
 
     assert main(["appearance", str(root)]) == 2
     assert "photos-crossed" in capsys.readouterr().err
+
+
+def cut(folder):
+    for path in folder.glob("*.png"):
+        path.write_bytes(path.read_bytes()[:2000])
+
+
+def square(folder):
+    for path in folder.glob("*.png"):
+        Image.new("RGB", (80, 80)).save(path)
+
+
+def hide(folder):
+    (folder.parent / "masks").mkdir()
+    for path in (folder.parent / "photos").glob("*.png"):
+        Image.new("L", SIZE, 0).save(folder.parent / "masks" / path.name)
+
+
+@pytest.mark.parametrize(
+    ("harm", "reason"),
+    [(cut, "damaged"), (square, "80 x 80 pixels"), (hide, "no photo shows any of the mesh")],
+)
+def test_pairs_of_which_none_can_be_used(polarized_project, tmp_path, capsys, harm, reason):
+    """Why, and nothing is written."""
+    root = tmp_path / "harmed"
+    shutil.copytree(polarized_project, root, ignore=shutil.ignore_patterns("out", "work"))
+    harm(root / "photos-crossed")
+
+    assert main(["appearance", str(root)]) == 2
+
+    said = capsys.readouterr().err
+    assert reason in said
+    assert "internal fault" not in said
+    assert not list(root.glob("out/*"))
 
 
 @pytest.mark.parametrize("unfiltered", [False, True])

@@ -59,7 +59,8 @@ def test_up_turns_with_the_picture(tmp_path, orientation):
 @pytest.mark.parametrize(
     "attributes",
     ["", 'Camera:Pitch="-90"', 'drone-dji:GimbalPitchDegree="nan"',
-     'drone-dji:GimbalRollDegree="3"', 'drone-dji:GimbalPitchDegree="-9000"'],
+     'drone-dji:GimbalRollDegree="3"', 'drone-dji:GimbalPitchDegree="-9000"',
+     'drone-dji:GimbalPitchDegree="999.0"'],
 )  # fmt: skip
 def test_what_says_nothing_is_nothing(tmp_path, attributes):
     assert told(tmp_path, attributes) == ()

@@ -38,7 +38,8 @@ SAME_SHAPE = 0.01
 class PhotoPairs:
     """parallel, crossed: photos of the same names and cameras; exposure: (p,) by how much more
     light each crossed one gathered, as EXIF tells, else 1; failed: photos without a usable partner,
-    and why, and files that are no partner of any.
+    and why, and files that are no partner of any; photos that cannot be read join them when they
+    are read.
     """
 
     parallel: PhotoSet
@@ -58,7 +59,8 @@ def photo_pairs(project: Project, cameras: Mapping[str, Camera]) -> PhotoPairs:
     """The pairs of the registered photos. Raises InputError where there is none."""
     from texproj.color.sampling.photo_set import PhotoSet  # noqa: PLC0415 - slow to load
 
-    failed, exposure, kept = {}, [], {}
+    failed: dict[str, str] = {}
+    exposure, kept = [], {}
     for name, camera in cameras.items():
         try:
             exposure.append(_exposure(project, name))
@@ -68,6 +70,9 @@ def photo_pairs(project: Project, cameras: Mapping[str, Camera]) -> PhotoPairs:
     for note in project.crossed.notes:
         failed[note.split(" is ignored")[0]] = note
     if not kept:
+        unfit = [failed[name] for name in cameras if one_of(project.crossed, name) is not None]
+        if unfit:
+            raise InputError(f"no crossed photo can be used: {'; '.join(unfit)}")
         raise InputError(
             f"no photo has a partner in {project.root / CROSSED_FOLDER}; put each photo's crossed"
             " one there, under its name"
@@ -77,8 +82,17 @@ def photo_pairs(project: Project, cameras: Mapping[str, Camera]) -> PhotoPairs:
         return attended(name, partial(_loaded, project, name))
 
     crossed = PhotoSet(tuple(kept), tuple(kept.values()), read)
+    parallel = photo_set(project, kept)
+
+    def noted(name: str) -> Photo:
+        try:
+            return parallel.read(name)
+        except InputError as error:
+            failed[name] = str(error)
+            raise
+
     told = np.array(exposure, np.float32)
-    return PhotoPairs(photo_set(project, kept), crossed, told, failed)
+    return PhotoPairs(replace(parallel, read=noted), crossed, told, failed)
 
 
 def _loaded(project: Project, name: str) -> Photo:

@@ -129,12 +129,26 @@ def found_appearance(bench: Workbench, progress: Progress) -> tuple[VertexColors
     photos = photo_set(project, cameras) if pairs is None else pairs.crossed
 
     colors = _blended(bench, photos, progress)
+    _require_sight(colors, photos)
     if pairs is not None:
-        colors = replace(colors, failed=colors.failed | pairs.failed)
-        return colors, _polarized(bench, colors, pairs, progress)
+        appearance = _polarized(bench, colors, pairs, progress)
+        return replace(colors, failed=colors.failed | pairs.failed), appearance
     if said == "flash":
         return colors, _under_flash(bench, colors, progress)
     return colors, _by_lamps_or_sky(bench, colors, _readable(bench, colors), progress)
+
+
+def _require_sight(colors: VertexColors, photos: PhotoSet) -> None:
+    """Raise InputError where no photo colors any vertex."""
+    if (colors.weight > 0).any():
+        return
+    if set(photos.names) <= set(colors.failed):
+        reasons = "; ".join(colors.failed[name] for name in photos.names)
+        raise InputError(f"no photo could be read: {reasons}")
+    raise InputError(
+        "no photo shows any of the mesh: see whether masks/ or work/occluders/ hide all of it, and"
+        " whether the cameras look at it"
+    )
 
 
 def _blended(bench: Workbench, photos: PhotoSet, progress: Progress) -> VertexColors:

@@ -10,6 +10,8 @@ from typing import Any, Protocol
 XMP = 700
 """TIFF's tag of the XMP block; that of a JPEG is put under the same number."""
 LONGEST_XMP = 1 << 20
+LARGEST_DEG = 360
+"""A gimbal's angle beyond it is none."""
 ANGLE = re.compile(
     rb"""drone-dji:Gimbal(Pitch|Roll)Degree\s*(?:=\s*["']|>)\s*([+-]?\d{1,3}(?:\.\d{1,9})?)\s*["'<]"""
 )
@@ -41,8 +43,9 @@ def up_of(header: Held) -> tuple[float, float, float] | tuple[()]:
     block = header.tags.get(XMP)
     if not isinstance(block, bytes) or len(block) > LONGEST_XMP:
         return ()
-    angle = {name: math.radians(float(value)) for name, value in ANGLE.findall(block)}
-    if b"Pitch" not in angle:
+    degrees = {name: float(value) for name, value in ANGLE.findall(block)}
+    angle = {name: math.radians(value) for name, value in degrees.items()}
+    if b"Pitch" not in angle or max(map(abs, degrees.values())) > LARGEST_DEG:
         return ()
     pitch, roll = angle[b"Pitch"], angle.get(b"Roll", 0.0)
     x, y = -math.sin(roll) * math.cos(pitch), -math.cos(roll) * math.cos(pitch)
