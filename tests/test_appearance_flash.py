@@ -254,13 +254,20 @@ def test_the_command_writes_gloss_and_metals(flash_project, capsys):
     assert "saw its highlight" in (out / "report.html").read_text()
 
 
-def test_a_flash_of_unknown_place_is_refused(flash_project, tmp_path, capsys):
-    """With the key that says where it is."""
+@pytest.mark.parametrize(
+    ("light", "said"),
+    [('kind = "flash"', "[light] `position`"),
+     ('kind = "natural"\nposition = [0, 0, 0]', 'are a flash\'s, and `kind` is "natural"'),
+     ('profile = "flash.json"', 'are a flash\'s, and `kind` is "none"'),
+     ('kind = "flash"\nprofile = "flash.json"', "no flash calibration at")],
+)  # fmt: skip
+def test_a_flash_that_is_told_badly_is_refused(flash_project, light, said, capsys):
+    """With the key to write or to leave out."""
     settings = flash_project / "project.toml"
     kept = settings.read_text()
-    settings.write_text('mesh = "lump.ply"\n[light]\nkind = "flash"\n')
+    settings.write_text(f'mesh = "lump.ply"\n[light]\n{light}\n')
     try:
         assert main(["appearance", str(flash_project)]) == 2
     finally:
         settings.write_text(kept)
-    assert "[light] `lamp`" in capsys.readouterr().err
+    assert said in capsys.readouterr().err

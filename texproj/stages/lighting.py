@@ -69,6 +69,11 @@ def check_light(project: Project) -> None:
         path = project.root / options.gray
         raise InputError(f"no photo of a color chart at {path}; correct `gray` in [light]")
     told = options.position is not None or options.profile is not None
+    if told and options.kind not in ("flash", "polarized"):
+        raise InputError(
+            f"{project.root / 'project.toml'}: [light] `position` and `profile` are a flash's, and"
+            f' `kind` is "{options.kind}"; set it to "flash", or leave them out'
+        )
     if options.kind == "flash" or (options.kind == "polarized" and told):
         lamp_of(project)
 
