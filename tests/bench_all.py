@@ -8,7 +8,8 @@ project is made, and each step of `texproj run` is run on it as a command of its
 seconds on the clock, processor seconds, peak megabytes of the largest process, and what came out:
 
 register, refine: photos registered; mean distance of the surface in the full-size photo, pixels,
-median / largest over the photos, after refinement also with one common similarity taken out.
+median / largest over the photos, after refinement also with one common similarity taken out
+("apart").
 color: processor seconds over what nobody can avoid, measured in the same run (decoding all photos,
 one visibility render each, writing the files).
 report; run again: the whole command where nothing is stale.
@@ -115,7 +116,7 @@ def exactness(data: Path, project: Path) -> tuple[str, str]:
 
     apart = off([common.camera(camera) for camera in found.values()])
     as_is = off(list(found.values()))
-    return f"{len(found)} of {len(true)}, {as_is}", f"similarity apart {apart}"
+    return f"{len(found)} of {len(true)}, {as_is}", f"apart {apart}"
 
 
 def _arguments() -> argparse.Namespace:
