@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from texproj.arrays import Doubles
+from texproj.arrays import Doubles, Index
 from texproj.photo import srgb_from_linear
 
 LEAST_GAIN_DB = 1.0
@@ -35,3 +35,19 @@ def psnr(truth: Doubles, found: Doubles) -> float:
     """Decibels between linear colors, compared as they are shown (sRGB)."""
     shown = [srgb_from_linear(np.clip(rgb, 0, 1)) for rgb in (truth, found)]
     return float(-10 * np.log10(np.mean(np.square(shown[0] - shown[1])) + 1e-12))
+
+
+@dataclass(frozen=True)
+class HeldPhotos(Prediction):
+    """Of photos that were held out, each one's exposure free. photos: how many these were."""
+
+    photos: int
+
+
+def exposed(shown: Doubles, told: Doubles, photo: Index) -> Doubles:
+    """Predictions (m, 3) of what is shown, each photo's (m,) at its best exposure."""
+    out = told.astype(np.float64)
+    for number in np.unique(photo):
+        rows = photo == number
+        out[rows] *= np.median(shown[rows].sum(axis=1) / np.maximum(told[rows].sum(axis=1), 1e-6))
+    return out

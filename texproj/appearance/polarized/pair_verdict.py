@@ -7,18 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from texproj.appearance.flash.observations import Observations
-from texproj.appearance.prediction import LEAST_GAIN_DB, Prediction, psnr
-from texproj.arrays import Doubles, Floats
+from texproj.appearance.prediction import LEAST_GAIN_DB, HeldPhotos, exposed, psnr
+from texproj.arrays import Floats
 
 FEWEST = 200
 """Observations of held-out photos below which nothing is told."""
 
 
 @dataclass(frozen=True)
-class PairVerdict(Prediction):
-    """Of crossed photos that were held out, each flash's output free. photos: how many."""
-
-    photos: int
+class PairVerdict(HeldPhotos):
+    """Of crossed photos."""
 
     @property
     def refusal(self) -> str:
@@ -37,16 +35,9 @@ def judged_pairs(test: Observations, plain: Floats, lit: Floats, photos: int) ->
     """The verdict on predictions (m, 3) of the observations of held-out photos."""
     if len(test.point) < FEWEST:
         return PairVerdict(False, 0.0, 0.0, photos)
-    decibels = [psnr(test.rgb.astype(np.float64), _exposed(test, told)) for told in (plain, lit)]
+    shown = test.rgb.astype(np.float64)
+    decibels = [
+        psnr(shown, exposed(shown, told.astype(np.float64), test.photo)) for told in (plain, lit)
+    ]
     gain = decibels[1] - decibels[0]
     return PairVerdict(bool(gain >= LEAST_GAIN_DB), decibels[0], decibels[1], photos)
-
-
-def _exposed(test: Observations, told: Floats) -> Doubles:
-    """Each photo's at its best exposure."""
-    out = told.astype(np.float64)
-    for photo in np.unique(test.photo):
-        rows = test.photo == photo
-        ratio = test.rgb[rows].sum(axis=1) / np.maximum(told[rows].sum(axis=1), 1e-6)
-        out[rows] *= np.median(ratio)
-    return out

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from texproj.appearance.prediction import LEAST_GAIN_DB, Prediction, psnr
+from texproj.appearance.prediction import LEAST_GAIN_DB, HeldPhotos, exposed, psnr
 from texproj.appearance.sightings import Sightings
 from texproj.appearance.turntable.room_fit import albedo_of
 from texproj.arrays import Bools, Doubles
@@ -24,10 +24,8 @@ OWN_GAIN_DB = 2.0
 
 
 @dataclass(frozen=True)
-class RoomVerdict(Prediction):
-    """Of photos that were held out, each one's exposure free. photos: how many these were."""
-
-    photos: int
+class RoomVerdict(HeldPhotos):
+    """Of photos of a turned object."""
 
     @property
     def refusal(self) -> str:
@@ -61,16 +59,6 @@ def judged(seen: Sightings, irradiance: Doubles, held: Bools, least_db: float) -
     told = plain[point], paint[point] * irradiance[test]
     if len(shown) < FEWEST:
         return RoomVerdict(False, 0.0, 0.0, int(held.sum()))
-    plain_db, lit_db = (psnr(shown, _exposed(shown, one, photo)) for one in told)
+    plain_db, lit_db = (psnr(shown, exposed(shown, one, photo)) for one in told)
     accepted = lit_db - plain_db >= least_db
     return RoomVerdict(bool(accepted), plain_db, lit_db, int(held.sum()))
-
-
-def _exposed(shown: Doubles, told: Doubles, photo: np.ndarray) -> Doubles:
-    """Predictions (m, 3), each photo's at its best exposure."""
-    out = told.copy()
-    for number in np.unique(photo):
-        rows = photo == number
-        ratio = shown[rows].sum(axis=1) / np.maximum(told[rows].sum(axis=1), 1e-6)
-        out[rows] *= np.median(ratio)
-    return out
