@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_array
 
+from texproj.appearance.by_point import ByPoint
 from texproj.appearance.flash.observations import Surfel, dots, unit
 from texproj.arrays import Bools, Doubles, Floats, Index
 from texproj.color.points.source import VertexPoints
@@ -38,34 +37,16 @@ DARK, CLIPPED = 2e-3, 0.93
 
 
 @dataclass(frozen=True, eq=False)
-class Sightings:
+class Sightings(ByPoint):
     """m sightings of `count` points, ordered by point.
 
     point, photo: (m,) numbers; rgb: (m, 3) linear light; trust: (m,) cosine to the eye times what
     the picture is worth there.
     """
 
-    count: int
-    point: Index
     photo: Index
     rgb: Floats
     trust: Floats
-
-    @cached_property
-    def _summing(self) -> Any:
-        ends = np.searchsorted(self.point, np.arange(self.count + 1))
-        ones = np.ones(len(self.point), np.float32)
-        shape = (self.count, len(self.point))
-        return csr_array((ones, np.arange(len(ones)), ends), shape=shape)
-
-    def sums(self, values: Any) -> Any:
-        """(count, k) sums over each point's sightings of (m, k) values."""
-        return self._summing @ values
-
-    @cached_property
-    def number(self) -> Index:
-        """(count,) sightings of each point."""
-        return np.bincount(self.point, minlength=self.count)
 
     def kept(self, rows: Bools) -> Sightings:
         """Some of them, of all points."""

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
+from texproj.appearance.by_point import ByPoint
 from texproj.appearance.flash.lamp import Lamp
 from texproj.appearance.flash.reflection import Angles
 from texproj.arrays import Bools, Doubles, Floats, Index
@@ -64,7 +64,7 @@ class Surfel:
 
 
 @dataclass(frozen=True, eq=False)
-class Observations:
+class Observations(ByPoint):
     """m observations of `count` points, ordered by point.
 
     point, photo: (m,) numbers; rgb: (m, 3) linear; light: (m,) irradiance of the flash; angles:
@@ -73,8 +73,6 @@ class Observations:
     least that there was.
     """
 
-    count: int
-    point: Index
     photo: Index
     rgb: Floats
     light: Floats
@@ -94,23 +92,6 @@ class Observations:
     def precision(self) -> Floats:
         """(m, 3) weights."""
         return self.inverse_variance * self.trust[:, None]
-
-    @cached_property
-    def _summing(self) -> Any:
-        ends = np.searchsorted(self.point, np.arange(self.count + 1))
-        ones = np.ones(len(self.point), np.float32)
-        shape = (self.count, len(self.point))
-        return csr_array((ones, np.arange(len(ones)), ends), shape=shape)
-
-    def sums(self, values: Floats) -> Floats:
-        """(count, k) sums over each point's observations of (m, k) values."""
-        out: Floats = self._summing @ values
-        return out
-
-    @cached_property
-    def number(self) -> Index:
-        """(count,) observations of each point."""
-        return np.bincount(self.point, minlength=self.count)
 
     @classmethod
     def joined(cls, parts: Sequence[Observations]) -> Observations:
