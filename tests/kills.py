@@ -23,7 +23,7 @@ import time
 from pathlib import Path
 
 from texproj.project import Project
-from texproj.stages.running import project_status
+from texproj.stages.status import project_status
 
 KILLED = 9
 SCRIPT = """

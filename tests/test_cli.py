@@ -314,7 +314,7 @@ def test_a_full_disk_keeps_the_old_model(project_folder, capsys, monkeypatch):
         (folder / "model.ply").write_bytes(old[:100])
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr("texproj.stages.coloring.write_vertices", full)
+    monkeypatch.setattr("texproj.stages.writing.write_vertices", full)
     capsys.readouterr()
 
     assert run("color", project_folder, "--to", "vertices") == 2

@@ -58,6 +58,26 @@ def test_a_command_loads_no_more_than_it_needs():
     assert done.stdout.splitlines()[-1] == "[]"
 
 
+def test_status_loads_nothing_that_makes_results(tmp_path):
+    """What is fresh is told without OpenCV, renderer, readers and writers: half of a start."""
+    (tmp_path / "mesh").mkdir()
+    (tmp_path / "mesh" / "scan.ply").write_text("ply")
+    (tmp_path / "project.toml").touch()
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / "a.jpg").write_bytes(b"")
+    heavy = "cv2", "scipy", "texproj.render.gbuffer", "texproj.formats.photos.read"
+    heavy += "texproj.formats.meshes.read", "texproj.formats.models", "texproj.stages.registering"
+    code = (
+        "import sys; from texproj.cli import main; main(['status', sys.argv[1]]);"
+        f"print(sorted({set(heavy)} & set(sys.modules)))"
+    )
+    command = [sys.executable, "-c", code, tmp_path]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+
+    assert "not made yet" in done.stdout
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
 def test_names_do_not_command_the_terminal(capsys):
     """Escapes, line breaks and what is no UTF-8 are written out; accents stay."""
     talk.say("a\x1b[2Jb\rc\udcff\nd\u202eé中")

@@ -23,7 +23,7 @@ from texproj.stages.bench import Workbench
 from texproj.stages.neighborhood import Behind, Neighborhood
 from texproj.stages.partners import ALIKE, FOLDER, content_key
 from texproj.stages.registering import register_photos
-from texproj.stages.running import project_status
+from texproj.stages.status import project_status
 from texproj.stages.surroundings import Surroundings
 
 FEW, MANY = 50, 200

@@ -151,7 +151,7 @@ def test_a_run_without_anything_to_do_writes_nothing(folder, monkeypatch):
         return {str(path): (path.stat().st_mtime_ns, path.stat().st_ino) for path in kept}
 
     before = state()
-    monkeypatch.setattr("texproj.stages.bench.open_renderer", refused)
+    monkeypatch.setattr("texproj.render.open_renderer", refused)
     assert main(["run", str(folder)]) == 1
     assert state() == before
 

@@ -11,9 +11,9 @@ The stage functions are the Python interface::
 docs/python.md tells more.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from texproj.loading import when_used
 from texproj.version import __version__
 
 if TYPE_CHECKING:
@@ -30,7 +30,8 @@ if TYPE_CHECKING:
     from texproj.stages.refining import refine_project
     from texproj.stages.registering import register_photos
     from texproj.stages.reporting import report_project
-    from texproj.stages.running import project_status, run_project
+    from texproj.stages.running import run_project
+    from texproj.stages.status import project_status
 
 _HOMES = {
     "Camera": "texproj.camera",
@@ -50,7 +51,7 @@ _HOMES = {
     "color_project": "texproj.stages.coloring",
     "report_project": "texproj.stages.reporting",
     "run_project": "texproj.stages.running",
-    "project_status": "texproj.stages.running",
+    "project_status": "texproj.stages.status",
 }
 
 __all__ = [
@@ -76,9 +77,4 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:  # else every name would be there, as Any
-
-    def __getattr__(name: str) -> Any:
-        """Load a public name when it is first used: `import texproj` itself costs nothing."""
-        if name not in _HOMES:
-            raise AttributeError(f"module 'texproj' has no attribute {name!r}")
-        return getattr(import_module(_HOMES[name]), name)
+    __getattr__ = when_used("texproj", _HOMES)  # `import texproj` itself costs nothing

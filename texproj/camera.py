@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
-import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -51,6 +50,8 @@ def _affine(xyz: Array, matrix: Array) -> Array:
     """
     if not xyz.size:
         return xyz.copy()
+    import cv2  # noqa: PLC0415 - slow to load
+
     return cv2.transform(xyz.reshape(-1, 1, 3), matrix).reshape(xyz.shape)
 
 
@@ -108,6 +109,8 @@ class Pose:
 
         ``R' = expm([w]x) R``, ``t' = expm([w]x) t + v``.
         """
+        import cv2  # noqa: PLC0415 - slow to load
+
         delta = np.asarray(delta, np.float64)
         dR = cv2.Rodrigues(delta[:3].reshape(3, 1))[0]
         return Pose(dR @ self.R, dR @ self.t + delta[3:])
@@ -277,6 +280,8 @@ def _by_opencv(xy: Array, dist: tuple[float, ...]) -> Array:
     """(n, 2) distorted coordinates, tilted sensors included."""
     if not len(xy):
         return xy
+    import cv2  # noqa: PLC0415 - slow to load
+
     xyz, zero = np.concatenate([xy, np.ones((len(xy), 1))], axis=1), np.zeros(3)
     return cv2.projectPoints(xyz, zero, zero, np.eye(3), np.array(dist))[0].reshape(-1, 2)
 

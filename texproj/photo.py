@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -75,6 +74,8 @@ class Photo:
         """(h, w, 3) float32 linear light."""
         if self.encoding == "linear":
             return self.pixels.astype(np.float32, copy=False)
+        import cv2  # noqa: PLC0415 - slow to load
+
         return cv2.LUT(self.pixels, LINEAR_OF_SRGB8)
 
     def srgb8(self) -> NDArray[np.uint8]:
@@ -85,6 +86,8 @@ class Photo:
 
     def gray(self) -> NDArray[np.float32]:
         """(h, w) float32 luma in 0..1, sRGB-encoded: what an eye sees, for matching."""
+        import cv2  # noqa: PLC0415 - slow to load
+
         if self.encoding == "srgb":
             return cv2.cvtColor(self.pixels, cv2.COLOR_RGB2GRAY).astype(np.float32) / 255
         return cv2.cvtColor(srgb_from_linear(self.pixels), cv2.COLOR_RGB2GRAY)
@@ -98,6 +101,8 @@ class Photo:
 
     def resized(self, width: int, height: int) -> Photo:
         """The photo area-averaged to a smaller size."""
+        import cv2  # noqa: PLC0415 - slow to load
+
         size = (width, height)
         pixels = cv2.resize(self.pixels, size, interpolation=cv2.INTER_AREA)
         mask = None

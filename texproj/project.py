@@ -25,15 +25,8 @@ from texproj.files import (
 )
 from texproj.formats.cameras import CameraFile, cameras_json, read_cameras
 from texproj.formats.correspondences import correspondences_csv, read_correspondences
-from texproj.formats.meshes import MESH_SUFFIXES, read_mesh_file
-from texproj.formats.photos import (
-    PHOTO_SUFFIXES,
-    RAW_SUFFIXES,
-    SAID,
-    read_photo,
-    read_photo_info,
-    read_thumbnail,
-)
+from texproj.formats.meshes import MESH_SUFFIXES
+from texproj.formats.photos import PHOTO_SUFFIXES, RAW_SUFFIXES, SAID
 from texproj.intake import (
     Found,
     find_crossed,
@@ -52,7 +45,6 @@ from texproj.mesh import MeshSource
 from texproj.options import DevelopOptions
 from texproj.photo import Correspondences, Photo, PhotoInfo
 from texproj.records import CameraRecord
-from texproj.repair import repair
 from texproj.settings import Settings, read_settings
 
 SETTINGS_FILE = "project.toml"
@@ -192,6 +184,9 @@ class Project:
 
     def load_mesh(self) -> MeshSource:
         """The mesh, read and repaired in memory. Raises InputError."""
+        from texproj.formats.meshes import read_mesh_file  # noqa: PLC0415 - slow to load
+        from texproj.repair import repair  # noqa: PLC0415
+
         path = self.mesh_path
         file = read_mesh_file(path)
         try:
@@ -203,12 +198,16 @@ class Project:
 
     def photo_info(self, name: str) -> PhotoInfo:
         """What the photo's header says. Raises InputError."""
+        from texproj.formats.photos import read_photo_info  # noqa: PLC0415 - slow to load
+
         return read_photo_info(self.photo_path(name), self.settings.largest_photo_mp)
 
     def load_photo(self, name: str, longest: int | None = None, cut: bool = False) -> Photo:
         """The upright photo with its mask, its longer side reduced to `longest` if it is larger.
         cut: what stands in front of the piece (`occluder_path`) is masked too.
         """
+        from texproj.formats.photos import read_photo  # noqa: PLC0415 - slow to load
+
         found = self.mask_path(name), self.occluder_path(name) if cut else None
         masks = [mask for mask in found if mask is not None and mask.is_file()]
         path, info = self.photo_path(name), self.photo_info(name)
@@ -217,6 +216,8 @@ class Project:
 
     def load_thumbnail(self, name: str, longest: int) -> Photo:
         """A small picture of the photo for lists: of a RAW file the camera's own if it has one."""
+        from texproj.formats.photos import read_thumbnail  # noqa: PLC0415 - slow to load
+
         path = self.photo_path(name)
         found = None
         if path.suffix.lower() in RAW_SUFFIXES:

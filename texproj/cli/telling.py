@@ -21,7 +21,7 @@ def status(folder: Folder, /, *, json: Json = False, verbose: Verbose = False) -
     Example: texproj status statue
     """
     from texproj.stages.choosing import told_of  # noqa: PLC0415
-    from texproj.stages.running import StatusOutcome, project_status  # noqa: PLC0415
+    from texproj.stages.status import StatusOutcome, project_status  # noqa: PLC0415
     from texproj.stages.story import story_of  # noqa: PLC0415
 
     project = open_project(folder, None, verbose)

@@ -29,7 +29,7 @@ from texproj.formats.models import (
 )
 from texproj.mesh import ColoredMesh, Mesh, MeshSource, vertex_normals
 from texproj.photo import LUMINANCE, srgb_from_linear
-from texproj.stages.lighting import LightKind, Pages
+from texproj.stages.lighting import PLY, LightKind, Pages
 from texproj.stages.writing import OutputPlan, write_texture
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
         PolarizedLight,
     )
 
-PLY, GLB, LIGHT, MATERIALS = "appearance.ply", "appearance.glb", "light.json", "materials.json"
+GLB, LIGHT, MATERIALS = "appearance.glb", "light.json", "materials.json"
 BASE, ROUGHNESS, METALLIC, CONFIDENCE = "base_color", "roughness", "metallic", "confidence"
 NORMAL = "normal"
 MODEL_GLB, MODEL_OBJ = "model.glb", "model.obj"

@@ -11,12 +11,6 @@ from texproj.errors import InputError
 from texproj.files import staging
 from texproj.options import ColorOptions, OutputOptions
 from texproj.project import Project
-from texproj.stages.appearance_files import (
-    PLY,
-    light_facts,
-    write_appearance,
-    write_textured,
-)
 from texproj.stages.bench import Workbench
 from texproj.stages.coloring import (
     changed_outputs,
@@ -27,6 +21,7 @@ from texproj.stages.coloring import (
 from texproj.stages.crossing import crossed_inputs
 from texproj.stages.freshness import Freshness, Inputs, changed_inputs, options_inputs
 from texproj.stages.lighting import (
+    PLY,
     Target,
     check_light,
     found_appearance,
@@ -38,7 +33,6 @@ from texproj.stages.occluding import keep_occluders
 from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
 from texproj.stages.provenance import provenance_of
-from texproj.stages.writing import output_plan
 
 STAGE = "appearance"
 VERSION = 3
@@ -147,6 +141,13 @@ def appearance_project(
     last time. A photo that cannot be read is left out and named in `failed`. Raises InputError if
     none is left, OutputError if out/ cannot be written; the old files stay then.
     """
+    from texproj.stages.appearance_files import (  # noqa: PLC0415 - slow to load
+        light_facts,
+        write_appearance,
+        write_textured,
+    )
+    from texproj.stages.writing import output_plan  # noqa: PLC0415
+
     project = bench.project
     before = project.load_record(STAGE)
     to = to or _made(before)

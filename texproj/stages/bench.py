@@ -17,12 +17,12 @@ from texproj.mesh import Mesh, MeshSource
 from texproj.photo import Correspondences
 from texproj.project import Project
 from texproj.records import CameraRecord
-from texproj.render import GBuffer, Renderer, Scene, ambient_occlusion, open_renderer
 from texproj.resources.workers import Workers
 from texproj.stages.entries import camera_hash
 
 if TYPE_CHECKING:
     from texproj.register.features import Known
+    from texproj.render import GBuffer, Renderer, Scene
     from texproj.solve.features import Features
 
 K = TypeVar("K")
@@ -92,12 +92,16 @@ class Workbench:
     @cached_property
     def renderer(self) -> Renderer:
         """OpenGL or the ray caster, as the settings say."""
+        from texproj.render import open_renderer  # noqa: PLC0415 - slow to load
+
         options = self.project.settings.render
         return self._open.enter_context(open_renderer(options))
 
     @cached_property
     def occlusion(self) -> NDArray[np.float32]:
         """(V,) ambient occlusion of the mesh, kept in work/ between runs."""
+        from texproj.render import ambient_occlusion  # noqa: PLC0415 - slow to load
+
         known = self.kept_occlusion
         if known is not None:
             return known
@@ -138,6 +142,7 @@ class Workbench:
         faces where it has millions.
         """
         from texproj.register.block.light_mesh import light_mesh  # noqa: PLC0415 - slow to load
+        from texproj.render import ambient_occlusion  # noqa: PLC0415
 
         light = light_mesh(self.mesh)
         if light is self.mesh:

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from texproj.errors import InputError
-from texproj.formats.photos import read_photo, read_photo_info
 from texproj.project import Project
 
 if TYPE_CHECKING:
@@ -30,6 +29,7 @@ def checker_of(project: Project) -> Checker | None:
     if not path.is_file():
         raise InputError(f"no photo of a color chart at {path}; correct `checker` in [color]")
     from texproj.color.checker.fit import read_checker  # noqa: PLC0415 - slow to load
+    from texproj.formats.photos import read_photo, read_photo_info  # noqa: PLC0415
 
     own = [name for name, photo in project.photo_paths.items() if photo.samefile(path)]
     largest_mp = project.settings.largest_photo_mp

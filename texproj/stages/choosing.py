@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from pydantic import BaseModel, Field, FiniteFloat, TypeAdapter, ValidationError
@@ -18,12 +18,14 @@ from texproj.errors import InputError, UsageError
 from texproj.formats.cameras import entry_of_record, record_of_entry
 from texproj.project import Project
 from texproj.records import CHOSEN, CameraRecord, Fit
-from texproj.register.block.block_fit import BlockFit
-from texproj.register.block.reconstruction import Reconstruction
-from texproj.stages.block_fits import Told, sparse_points
 from texproj.stages.entries import start_of
 from texproj.stages.outcomes import Tally, failed_record
 from texproj.stages.partners import content_key
+
+if TYPE_CHECKING:
+    from texproj.register.block.block_fit import BlockFit
+    from texproj.register.block.reconstruction import Reconstruction
+    from texproj.stages.block_fits import Told
 
 FOLDER, RECORD = "block", "places"
 NONE_OF_THEM = 0
@@ -106,6 +108,8 @@ def told_of(project: Project) -> str:
 
 def ask(project: Project, part: Reconstruction, fit: BlockFit) -> None:
     """Keep the places of a block among which somebody has to choose. Raises OutputError."""
+    from texproj.stages.block_fits import sparse_points  # noqa: PLC0415 - slow to load
+
     asked = set(fit.quality["photos_asked"])
     question = Question(
         mesh=str(project.hash_of(project.mesh_path)),

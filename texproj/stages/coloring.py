@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from texproj.camera import Camera
 from texproj.errors import InputError, OutputError, nearest_name
@@ -31,21 +31,21 @@ from texproj.stages.layouts import (
     layout_notes,
     mesh_to_fill,
 )
-from texproj.stages.lightening import check_levels, levels_of, told_of_levels, write_levels
 from texproj.stages.occluding import keep_occluders, occluder_inputs, occluders_sought
 from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
 from texproj.stages.provenance import provenance_of
-from texproj.stages.writing import OutputPlan, output_plan, write_texture, write_vertices
 
 if TYPE_CHECKING:
     from texproj.color.checker.fit import Checker
     from texproj.color.result import Texture, VertexColors
     from texproj.color.sampling.photo_set import PhotoSet
+    from texproj.stages.writing import OutputPlan
+
+    Write: TypeAlias = Callable[[Path, OutputPlan], tuple[str, ...]]
 
 STAGE = "color"
 VERSION = 4
-Write = Callable[[Path, OutputPlan], tuple[str, ...]]
 DOUBTFUL = 0.6
 """Part of what a photo shows of the piece beyond which contradiction is as likely its camera's."""
 SECTIONS = ("color", "unwrap", "patches", "output", "render")
@@ -98,6 +98,9 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
     A photo that cannot be read is left out and named in `failed`. Raises InputError if none is
     left, OutputError if out/ cannot be written; the old model stays then.
     """
+    from texproj.stages.lightening import check_levels  # noqa: PLC0415 - slow to load
+    from texproj.stages.writing import output_plan  # noqa: PLC0415
+
     project = bench.project
     before = project.load_record(STAGE)
     if before is not None and color_freshness(project).fresh:
@@ -244,6 +247,8 @@ def _made(
 ) -> tuple[VertexColors | Texture, Write]:
     """The colors of the model, and what writes it into a folder and returns the file names."""
     from texproj.color.vertices import color_vertices  # noqa: PLC0415 - slow to load
+    from texproj.stages.lightening import levels_of, told_of_levels, write_levels  # noqa: PLC0415
+    from texproj.stages.writing import write_texture, write_vertices  # noqa: PLC0415
 
     def tell(done: int, total: int) -> None:
         progress(STAGE, done, total, "")

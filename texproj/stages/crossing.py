@@ -13,7 +13,6 @@ import numpy as np
 from texproj.arrays import Bools, Floats
 from texproj.camera import Camera
 from texproj.errors import InputError
-from texproj.formats.photos import read_photo, read_photo_info
 from texproj.intake import one_of
 from texproj.photo import Photo
 from texproj.project import CROSSED_FOLDER, Project
@@ -97,6 +96,8 @@ def photo_pairs(project: Project, cameras: Mapping[str, Camera]) -> PhotoPairs:
 
 def _loaded(project: Project, name: str) -> Photo:
     """The partner of a photo, upright, with that photo's mask. Raises InputError."""
+    from texproj.formats.photos import read_photo, read_photo_info  # noqa: PLC0415 - slow to load
+
     path, settings = one_of(project.crossed, name), project.settings
     assert path is not None
     info = read_photo_info(path, settings.largest_photo_mp)
@@ -107,6 +108,8 @@ def _loaded(project: Project, name: str) -> Photo:
 
 def _exposure(project: Project, name: str) -> float:
     """By how much more light the partner of a photo gathered. Raises InputError without one."""
+    from texproj.formats.photos import read_photo_info  # noqa: PLC0415 - slow to load
+
     path = one_of(project.crossed, name)
     if path is None:
         raise InputError(f"no photo of its name in {project.root / CROSSED_FOLDER}; it is left out")

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import NDArray
 
 from texproj.errors import InputError, UsageError
-from texproj.formats.meshes import companions, picture_side, read_picture
 from texproj.mesh import Mesh
 from texproj.project import Project
 from texproj.stages.bench import Workbench
@@ -55,6 +54,8 @@ def layout_inputs(project: Project) -> Inputs:
     maps = maps and project.mesh_path.suffix.lower() == ".gltf"
     if not maps and settings.color.fill != "texture":
         return {}
+    from texproj.formats.meshes import companions  # noqa: PLC0415 - slow to load
+
     return file_inputs(project, **companions(project.mesh_path))
 
 
@@ -63,6 +64,8 @@ def mesh_to_fill(bench: Workbench) -> Mesh:
     mesh = bench.mesh
     if bench.project.settings.color.fill != "texture" or mesh.layout is None:
         return mesh
+    from texproj.formats.meshes import picture_side  # noqa: PLC0415 - slow to load
+
     sized = tuple(replace(m, least_px=picture_side(m)) for m in mesh.layout.materials)
     return replace(mesh, layout=replace(mesh.layout, materials=sized))
 
@@ -76,6 +79,7 @@ def filled_from_mesh(bench: Workbench, texture: Texture) -> Texture:
     if bench.project.settings.color.fill != "texture" or layout is None:
         return texture
     from texproj.color.filling.old_texture import with_old_texture  # noqa: PLC0415 - slow to load
+    from texproj.formats.meshes import read_picture  # noqa: PLC0415
 
     def picture(material: int, tile: int) -> NDArray[Any] | None:
         try:

@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 HIGHLIGHT = 1.0
 """How strongly highlights are distrusted: they are none of the surface's color."""
 
+PLY = "appearance.ply"
+"""The file in out/ that the light is taken out of."""
+
 DAY = len("2026-05-17")
 DAY_PHOTOS = 4
 """Fewer tell no light of their own."""

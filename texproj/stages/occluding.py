@@ -6,8 +6,6 @@ from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import Any
 
-import cv2
-
 from texproj.camera import Camera
 from texproj.errors import OutputError
 from texproj.files import json_hash, write_atomically
@@ -95,7 +93,9 @@ def _sought(
     progress: Progress,
 ) -> dict[str, Any]:
     """The record of a new search; masks of the one before that nobody has changed go."""
-    from texproj.color.occluders.in_front import find_occluders  # noqa: PLC0415 - slow to load
+    import cv2  # noqa: PLC0415 - slow to load
+
+    from texproj.color.occluders.in_front import find_occluders  # noqa: PLC0415
     from texproj.color.sampling.photo_set import PhotoSet  # noqa: PLC0415
 
     project = bench.project

@@ -15,7 +15,6 @@ from texproj.formats.cameras import entry_of_record
 from texproj.photo import Correspondences, Photo
 from texproj.project import Project
 from texproj.records import CameraRecord
-from texproj.render import GBuffer
 from texproj.resources.memory import return_freed_memory
 from texproj.stages.attending import attended
 from texproj.stages.bench import Workbench
@@ -35,6 +34,7 @@ from texproj.stages.progress import Progress, silent
 if TYPE_CHECKING:
     from texproj.register.joint.refine import Tell
     from texproj.register.joint.refined import Refined
+    from texproj.render import GBuffer
 
 STAGE = "refine"
 VERSION = 3

@@ -40,13 +40,14 @@ from texproj.formats.models.read_values import read_values
 from texproj.mesh import ColoredMesh, TexturedMesh
 from texproj.project import Project
 from texproj.report.pictures import around, frame_of, on_backdrop
-from texproj.stages.appearance_files import LIGHT, MODEL_GLB, PLY
+from texproj.stages.appearance_files import LIGHT, MODEL_GLB
 from texproj.stages.appearing import STAGE as APPEARANCE
 from texproj.stages.appearing import appearance_freshness
 from texproj.stages.bench import Workbench
 from texproj.stages.coloring import STAGE as COLOR
 from texproj.stages.depicting import registered_cameras
 from texproj.stages.film_path import film_path
+from texproj.stages.lighting import PLY
 from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
 from texproj.stages.turning import (

@@ -14,14 +14,10 @@ from texproj.files import json_hash, staging
 from texproj.formats.cameras import camera_part
 from texproj.project import Project
 from texproj.records import CameraRecord
-from texproj.report.page import page
-from texproj.report.pictures import RESIDUAL_MAGNIFICATION
-from texproj.report.verdict import verdict
 from texproj.stages.appearing import STAGE as APPEARANCE
 from texproj.stages.bench import Workbench
 from texproj.stages.coloring import STAGE as COLOR
 from texproj.stages.coloring import color_freshness
-from texproj.stages.depicting import pictures
 from texproj.stages.entries import is_refined
 from texproj.stages.freshness import Freshness, Inputs, changed_inputs, file_inputs, options_inputs
 from texproj.stages.outcomes import Tally
@@ -60,6 +56,9 @@ def report_project(bench: Workbench, progress: Progress = silent) -> ReportOutco
     """Write the report of the project as it stands, unless it is there already. Raises InputError,
     OutputError.
     """
+    from texproj.report.page import page  # noqa: PLC0415 - slow to load
+    from texproj.stages.depicting import pictures  # noqa: PLC0415
+
     project = bench.project
     files = project.out / HTML, project.out / JSON
     if report_freshness(project).fresh:
@@ -122,6 +121,9 @@ def _shown(record: CameraRecord) -> list[Any]:
 
 
 def _facts(bench: Workbench, records: dict[str, CameraRecord]) -> dict[str, Any]:
+    from texproj.report.pictures import RESIDUAL_MAGNIFICATION  # noqa: PLC0415 - slow to load
+    from texproj.report.verdict import verdict  # noqa: PLC0415
+
     project, source = bench.project, bench.source
     photos = [_photo_facts(project, name, records.get(name)) for name in project.photo_names]
     color, appearance = project.load_record(COLOR), project.load_record(APPEARANCE)

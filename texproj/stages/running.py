@@ -1,4 +1,4 @@
-"""Stage `run`: whatever is stale, in order, then the report; and what `status` tells of it."""
+"""Stage `run`: whatever is stale, in order, then the report."""
 
 from __future__ import annotations
 
@@ -7,35 +7,25 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from texproj.errors import InputError
-from texproj.project import Project
 from texproj.records import CameraRecord
-from texproj.stages.appearing import (
-    AppearanceOutcome,
-    appearance_freshness,
-    appearance_project,
-    appearance_wanted,
-)
+from texproj.stages.appearing import AppearanceOutcome, appearance_project
 from texproj.stages.attending import PhotoFaultError, attended
 from texproj.stages.bench import Workbench
 from texproj.stages.choosing import told_of
-from texproj.stages.coloring import ColorOutcome, color_freshness, color_project
-from texproj.stages.freshness import Freshness
-from texproj.stages.lineage import registration_freshness
+from texproj.stages.coloring import ColorOutcome, color_project
 from texproj.stages.outcomes import PhotoOutcome, Tally
 from texproj.stages.progress import Progress, silent
 from texproj.stages.refining import (
     RefineOutcome,
-    refine_freshness,
     refine_project,
     undo_refinement,
-    unrefined,
 )
 from texproj.stages.registering import register_photos
-from texproj.stages.reporting import ReportOutcome, report_freshness, report_project
+from texproj.stages.reporting import ReportOutcome, report_project
+from texproj.stages.status import worth_refining
 from texproj.stages.story import story
 
 NONE_REGISTERED = "no photo could be registered, so there is no model; each says what it needs"
-SWITCHED_OFF = "switched off since then; the next run goes back to each photo's own registration"
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,35 +98,6 @@ class RunOutcome:
         }
 
 
-@dataclass(frozen=True)
-class StatusOutcome:
-    """Each item of each stage, and what is known of the photos, in one sentence; question: what
-    somebody has to choose.
-    """
-
-    items: list[Freshness]
-    story: str = ""
-    question: str = ""
-
-    @property
-    def tally(self) -> Tally:
-        return Tally(0, len(self.items), "looked at")
-
-    def lines(self) -> Iterator[str]:
-        """For people."""
-        for item in self.items:
-            yield from item.lines()
-        if self.story:
-            yield self.story
-        if self.question:
-            yield self.question
-
-    def as_dict(self) -> dict[str, Any]:
-        """For --json."""
-        items = [item.as_dict() for item in self.items]
-        return {"items": items, "story": self.story, "question": self.question}
-
-
 def run_project(bench: Workbench, progress: Progress = silent) -> RunOutcome:
     """Register, refine, color and report what is stale. Raises InputError, OutputError."""
     project = bench.project
@@ -161,7 +122,7 @@ def _refined(bench: Workbench, progress: Progress) -> tuple[RefineOutcome | None
     """What refining did, and why it could not be done if it met a fault: each photo keeps its own
     registration then.
     """
-    if not _worth_refining(bench.project):
+    if not worth_refining(bench.project):
         return None, ""
 
     def refine() -> RefineOutcome:
@@ -177,23 +138,3 @@ def _refined(bench: Workbench, progress: Progress) -> tuple[RefineOutcome | None
 
 def _with_record(outcome: PhotoOutcome, record: CameraRecord) -> PhotoOutcome:
     return replace(outcome, record=record, reason=record.quality.get("reason") or outcome.reason)
-
-
-def project_status(project: Project) -> list[Freshness]:
-    """Each item of each stage: fresh, failed with nothing changed since, or stale and why. Raises
-    InputError.
-    """
-    refined = [refine_freshness(project, True)] if _worth_refining(project) else []
-    if unrefined(project):
-        refined = [Freshness("refine", "all photos", False, SWITCHED_OFF)]
-    light = [appearance_freshness(project)] if appearance_wanted(project) else []
-    after = [color_freshness(project), *light, report_freshness(project)]
-    return [*registration_freshness(project), *refined, *after]
-
-
-def _worth_refining(project: Project) -> bool:
-    """Whether the settings want it and there is a camera of our own beside another one."""
-    entries = project.load_cameras().values()
-    registered = [e for e in entries if e.registered_camera and e.file in project.photo_paths]
-    own = any(e.sought for e in registered)
-    return bool(project.settings.refine.enabled and own and len(registered) > 1)

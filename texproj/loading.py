@@ -1,0 +1,18 @@
+"""Names of a package whose modules are loaded when they are first asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from typing import Any
+
+
+def when_used(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
+    """A `__getattr__` (PEP 562) for a package. homes: the module of each public name."""
+
+    def load(name: str) -> Any:
+        if name not in homes:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        return getattr(import_module(homes[name]), name)
+
+    return load
