@@ -160,12 +160,21 @@ def by_blocks(count: int, of_block: Callable[[slice], NDArray[Any]]) -> NDArray[
 
 
 def face_cross(vertices: ArrayLike, faces: ArrayLike) -> NDArray[np.float64]:
-    """(F, 3) normals times twice the area of each face, counter-clockwise outside."""
+    """(F, 3) normals times twice the area of each face, counter-clockwise outside.
+
+    Column by column: numpy's own cross product takes three times as long.
+    """
     v, f = np.asarray(vertices, np.float64), np.asarray(faces)
 
     def of_block(rows: slice) -> NDArray[np.float64]:
-        a, b, c = (v[corner] for corner in f[rows].T)
-        return np.cross(b - a, c - a)
+        a, b, c = (v.take(corner, axis=0) for corner in f[rows].T)
+        b -= a
+        c -= a
+        for k in range(3):
+            one, two = (k + 1) % 3, (k + 2) % 3
+            np.multiply(b[:, one], c[:, two], out=a[:, k])
+            a[:, k] -= b[:, two] * c[:, one]
+        return a
 
     return by_blocks(len(f), of_block)
 
@@ -195,7 +204,7 @@ def vertex_normals(mesh: Mesh) -> NDArray[np.float64]:
     for rows in blocks(len(mesh.faces)):
         faces = mesh.faces[rows]
         for total, part in zip(sums, face_cross(mesh.vertices, faces).T, strict=True):
-            np.add.at(total, faces.ravel(), np.repeat(part, 3))
+            total += np.bincount(faces.ravel(), np.repeat(part, 3), len(total))
     return _unit(np.ascontiguousarray(sums.T))
 
 
@@ -204,12 +213,15 @@ def face_middles(mesh: Mesh) -> NDArray[np.float32]:
     center = mesh.center
 
     def of_block(rows: slice) -> NDArray[np.float32]:
-        corners = (mesh.vertices[mesh.faces[rows]] - center).mean(axis=1)
-        return corners.astype(np.float32)
+        a, b, c = (mesh.vertices.take(k, axis=0) - center for k in mesh.faces[rows].T)
+        a += b
+        a += c
+        a /= 3
+        return a.astype(np.float32)
 
     return by_blocks(len(mesh.faces), of_block)
 
 
 def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
+    length = norms(vectors)[:, None]
+    return vectors / np.where(length > 0, length, np.inf)

@@ -53,42 +53,65 @@ def find_occluders(
 ) -> dict[str, Occluder]:
     """The occluders by the names of their photos; photos without one are not in it.
 
-    photos: may be read reduced, to `LONGEST` or more; each is read once, and once more where other
-    photos contradict it. At least three photos must show a place for it to be judged.
+    photos: may be read reduced, to `LONGEST` or more; each is read once. At least three photos must
+    show a place for it to be judged.
     """
     cameras = tuple(camera.reduced(LONGEST) for camera in photos.cameras)
     if len(cameras) <= WITNESSES:
         return {}
     with renderer.load(mesh) as scene, closing(Scratch()) as scratch:
         small = replace(photos, cameras=cameras).rendered(scene, scratch)
-        shared, said = _compared(mesh, small, counting(progress, len(small)))
+        pictures = _Pictures(scratch)
+        shared, said = _compared(mesh, small, pictures, counting(progress, len(small)))
         found = {}
         for number, name in enumerate(small.names):
             rows = said.rows(number)
             judged = rows.start + np.flatnonzero(said.against[rows] | said.for_[rows])
             told = Told(shared.xy_px[judged], said.against[judged], said.ratio[judged])
-            photo = _reduced(small, number) if told.enough else None
-            if photo is None:
+            if not told.enough:
                 continue
-            camera = small.cameras[number].resized(photo.width, photo.height)
+            picture = pictures.read(number)
+            camera = small.cameras[number].resized(*picture.shape[1::-1])
             on_mesh = np.isfinite(scene.gbuffer(camera, ("depth",)).require("depth"))
-            hidden = cut_out(np.ascontiguousarray(photo.srgb8()), on_mesh, told)
+            hidden = cut_out(picture, on_mesh, told)
             if hidden is not None:
                 share = float((hidden & on_mesh).sum() / on_mesh.sum())
                 found[name] = Occluder(np.where(hidden, 0, 255).astype(np.uint8), share)
         return found
 
 
+class _Pictures:
+    """The reduced photos on disk: decoding them again takes longer than all that is done here."""
+
+    def __init__(self, scratch: Scratch) -> None:
+        self._scratch = scratch
+        self._kept: dict[int, tuple[int, tuple[int, ...]]] = {}
+
+    def keep(self, number: int, photo: Photo) -> None:
+        """Keep the photo of that number."""
+        pixels = np.ascontiguousarray(photo.srgb8())
+        self._kept[number] = self._scratch.append(pixels.data.cast("B")), pixels.shape
+
+    def read(self, number: int) -> Bytes:
+        """(h, w, 3) sRGB of a photo that was kept."""
+        start, shape = self._kept[number]
+        data = self._scratch.read(start, int(np.prod(shape)))
+        return np.frombuffer(data, np.uint8).reshape(shape)
+
+
 def _compared(
-    mesh: Mesh, photos: PhotoSet, tell: Callable[[int], None]
+    mesh: Mesh, photos: PhotoSet, pictures: _Pictures, tell: Callable[[int], None]
 ) -> tuple[SharedPoints, Evidence]:
-    """What the photos show of points all over the surface, and what others say of it."""
+    """What the photos show of points all over the surface, and what others say of it; `pictures`
+    keeps those that could be read.
+    """
     count = min(max(FEWEST_POINTS, POINTS_PER_PHOTO * len(photos)), MOST_POINTS)
     points = SurfacePoints.of(mesh, _pixel(mesh, photos.cameras), count)
     observer = PointObserver(points, len(photos), count=count)
     for number in range(len(photos)):
         photo = _reduced(photos, number)
         if photo is not None:
+            pictures.keep(number, photo)
             depth_camera, depth = photos.depth_image(number)
             view = view_of(photo, photos.cameras[number], depth_camera, depth, LOOK)
             levels = len(view.levels)
