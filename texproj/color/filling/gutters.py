@@ -28,8 +28,8 @@ def fill_page(page: NDArray[Any], known: NDArray[np.bool_]) -> None:
         rows = _strip(number, len(page))
         smooth = enlarged(half, rows, columns)
         if page.dtype.kind == "u":
-            smooth = np.round(smooth).astype(page.dtype)
-        np.copyto(page[rows], smooth, where=~known[rows][..., None])
+            smooth = np.round(smooth, out=smooth).astype(page.dtype)
+        _paste(smooth, page[rows], ~known[rows])
 
     in_parallel(one, range(-(-len(page) // STRIP)))
 
@@ -52,19 +52,19 @@ def _halved(page: NDArray[Any], known: NDArray[np.bool_]) -> tuple[NDArray[Any],
     def one(number: int) -> None:
         rows = _strip(number, height)
         small = slice(rows.start // 2, -(-rows.stop // 2))
-        out[small], weight[small] = _reduced(
-            page[rows].astype(np.float32), known[rows].astype(np.float32)
-        )
+        color = cv2.copyTo(page[rows], known[rows].view(np.uint8)).astype(np.float32)
+        out[small], weight[small] = _reduced(color, known[rows].astype(np.float32))
 
     in_parallel(one, range(-(-height // STRIP)))
     return out, weight
 
 
 def _reduced(color: NDArray[Any], weight: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Half the size of colors that are multiplied by their weights, divided by these."""
     height, width = weight.shape
-    odd = ((0, height % 2), (0, width % 2))
-    weight = np.pad(weight, odd)
-    color = np.pad(color, (*odd, (0, 0))) * weight[..., None]
+    if height % 2 or width % 2:
+        odd = ((0, height % 2), (0, width % 2))
+        weight, color = np.pad(weight, odd), np.pad(color, (*odd, (0, 0)))
     size = (weight.shape[1] // 2, weight.shape[0] // 2)
     weight = cv2.resize(weight, size, interpolation=cv2.INTER_AREA)
     color = cv2.resize(color, size, interpolation=cv2.INTER_AREA)
@@ -75,13 +75,18 @@ def _filled(color: NDArray[Any], weight: NDArray[Any]) -> NDArray[Any]:
     """Pixels without weight take, in place, the color of the next coarser level."""
     if (weight > 0).all() or min(weight.shape) < 2:
         return color
-    coarse = _filled(*_reduced(color, np.minimum(weight * 4, 1)))
+    known = np.minimum(weight * 4, 1)
+    coarse = _filled(*_reduced(color * known[..., None], known))
     for top in range(0, len(color), STRIP):
         rows = slice(top, min(top + STRIP, len(color)))
-        empty = (weight[rows] == 0)[..., None]
         smooth = enlarged(coarse, rows, slice(0, color.shape[1]))
-        np.copyto(color[rows], smooth, where=empty)
+        _paste(smooth, color[rows], weight[rows] == 0)
     return color
+
+
+def _paste(source: NDArray[Any], onto: NDArray[Any], chosen: NDArray[np.bool_]) -> None:
+    """Copy the chosen pixels, in place: numpy's way takes fifty times as long."""
+    cv2.copyTo(np.ascontiguousarray(source), chosen.view(np.uint8), onto)
 
 
 def enlarged(half: NDArray[Any], rows: slice, columns: slice) -> NDArray[Any]:

@@ -159,8 +159,8 @@ def vertex_colors(
             vertex = mesh.faces[faces].ravel()[sure]
             values = image[row[sure], column[sure]].astype(np.float64)
             for channel in range(3):
-                np.add.at(total[channel], vertex, values[:, channel])
-            np.add.at(total[3], vertex, 1.0)
+                total[channel] += np.bincount(vertex, values[:, channel], len(mesh.vertices))
+            total[3] += np.bincount(vertex, minlength=len(mesh.vertices))
     rgb = total[:3] / np.maximum(total[3], 1)
     return np.ascontiguousarray(rgb.T, np.float32), total[3] > 0
 

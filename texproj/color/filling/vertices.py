@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import cg, spsolve
-from scipy.spatial import cKDTree
 
 from texproj.arrays import Floats
 from texproj.mesh import Mesh
@@ -94,6 +93,8 @@ def _homes(
     lone = np.flatnonzero(~touching[part])
     if not len(lone):
         return home
+    from scipy.spatial import cKDTree  # noqa: PLC0415 - slow to load
+
     size = np.bincount(part[lone], minlength=count)
     xyz = mesh.vertices[np.flatnonzero(~seen)[lone]]
     middle = np.stack([np.bincount(part[lone], x, count) for x in xyz.T], axis=1)

@@ -91,7 +91,7 @@ class VertexPoints:
         for rows in blocks(len(mesh.faces)):
             faces = mesh.faces[rows]
             third = face_areas(Mesh(mesh.vertices, faces)) / 3
-            np.add.at(area, faces.ravel(), np.repeat(third, 3))
+            area += np.bincount(faces.ravel(), np.repeat(third, 3), len(area))
         return cls(
             Owners(
                 mesh.center,
