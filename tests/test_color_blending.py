@@ -38,11 +38,15 @@ def blended(samples: Stack, **options):
     return blend(samples, gain, ColorOptions(**options))
 
 
+@pytest.mark.parametrize("preference", [0.0, 0.35, 2.0])
 @pytest.mark.parametrize("mode", MODES)
-def test_photos_that_agree_give_what_they_show(mode):
-    """Equal samples come out as they are, whatever their weights; unseen points stay 0."""
+def test_photos_that_agree_give_what_they_show(mode, preference):
+    """Equal samples come out as they are, whatever their weights and how these are preferred;
+    unseen points stay 0, and photos that do not see a point count for nothing.
+    """
     weights = [[1, 0.2, 0], [0.5, 0.9, 0], [0.1, 0, 0]]
-    result = blended(stack(np.full((3, 3), GREY), weights), blend=mode)
+    samples = stack(np.full((3, 3), GREY), weights)
+    result = blended(samples, blend=mode, preference=preference)
     assert np.abs(result.rgb[:2] - GREY).max() < 1e-6
     assert not result.rgb[2].any() and result.weight[2] == 0
     assert result.photo_count.tolist() == [3, 2, 0]

@@ -203,8 +203,8 @@ def vertex_normals(mesh: Mesh) -> NDArray[np.float64]:
     sums = np.zeros((3, len(mesh.vertices)))
     for rows in blocks(len(mesh.faces)):
         faces = mesh.faces[rows]
-        for total, part in zip(sums, face_cross(mesh.vertices, faces).T, strict=True):
-            total += np.bincount(faces.ravel(), np.repeat(part, 3), len(total))
+        for axis, part in enumerate(face_cross(mesh.vertices, faces).T):
+            sums[axis] += np.bincount(faces.ravel(), np.repeat(part, 3), sums.shape[1])
     return _unit(np.ascontiguousarray(sums.T))
 
 

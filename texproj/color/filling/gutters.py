@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import cv2
@@ -9,6 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.resources.threads import in_parallel
+
+Weighed = tuple[NDArray[Any], NDArray[Any]]
+"""(h, w, 3) float32 colors, and (h, w) float32 how much each counts."""
 
 STRIP = 128
 """Rows of the full-size page that are worked on at once; even."""
@@ -36,30 +40,36 @@ def fill_page(page: NDArray[Any], known: NDArray[np.bool_]) -> None:
 
 def filled_half(page: NDArray[Any], known: NDArray[np.bool_]) -> NDArray[Any]:
     """(h / 2, w / 2, 3) float32 the page reduced, without holes; its sides rounded up."""
-    return _filled(*_halved(page, known))
+
+    def part(rows: slice) -> Weighed:
+        color = cv2.copyTo(page[rows], known[rows].view(np.uint8)).astype(np.float32)
+        return color, known[rows].astype(np.float32)
+
+    return _filled(*_halved(known.shape, part))
 
 
 def _strip(number: int, height: int) -> slice:
     return slice(number * STRIP, min((number + 1) * STRIP, height))
 
 
-def _halved(page: NDArray[Any], known: NDArray[np.bool_]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """The means of the known texels of each 2 x 2 block, and how much of the block is known."""
-    height, width = page.shape[:2]
+def _halved(shape: tuple[int, ...], part: Callable[[slice], Weighed]) -> Weighed:
+    """The means of the known pixels of each 2 x 2 block of an image (h, w), and how much of the
+    block is known. part: some of its rows.
+    """
+    height, width = shape[:2]
     out = np.empty((-(-height // 2), -(-width // 2), 3), np.float32)
     weight = np.empty(out.shape[:2], np.float32)
 
     def one(number: int) -> None:
         rows = _strip(number, height)
         small = slice(rows.start // 2, -(-rows.stop // 2))
-        color = cv2.copyTo(page[rows], known[rows].view(np.uint8)).astype(np.float32)
-        out[small], weight[small] = _reduced(color, known[rows].astype(np.float32))
+        out[small], weight[small] = _reduced(*part(rows))
 
     in_parallel(one, range(-(-height // STRIP)))
     return out, weight
 
 
-def _reduced(color: NDArray[Any], weight: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+def _reduced(color: NDArray[Any], weight: NDArray[Any]) -> Weighed:
     """Half the size of colors that are multiplied by their weights, divided by these."""
     height, width = weight.shape
     if height % 2 or width % 2:
@@ -75,8 +85,12 @@ def _filled(color: NDArray[Any], weight: NDArray[Any]) -> NDArray[Any]:
     """Pixels without weight take, in place, the color of the next coarser level."""
     if (weight > 0).all() or min(weight.shape) < 2:
         return color
-    known = np.minimum(weight * 4, 1)
-    coarse = _filled(*_reduced(color * known[..., None], known))
+
+    def part(rows: slice) -> Weighed:
+        known = np.minimum(weight[rows] * 4, 1)
+        return color[rows] * known[..., None], known
+
+    coarse = _filled(*_halved(weight.shape, part))
     for top in range(0, len(color), STRIP):
         rows = slice(top, min(top + STRIP, len(color)))
         smooth = enlarged(coarse, rows, slice(0, color.shape[1]))

@@ -31,7 +31,7 @@ def depth_pixels(xyz: Floats, origin: NDArray[np.float64], camera: Camera) -> tu
     K[:2, 2] -= 0.5
     matrix = np.concatenate([K @ R, (K @ t)[:, None]], axis=1).astype(np.float32)
     homogeneous = cv2.transform(xyz.reshape(-1, 1, 3), matrix).reshape(-1, 3)
-    depth = homogeneous[:, 2]
+    depth = homogeneous[:, 2].copy()  # it is read several times
     maps = np.full((-(-len(xyz) // ROW) * ROW, 2), FAR_OUTSIDE, np.float32)
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = 1 / depth
