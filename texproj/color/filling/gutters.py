@@ -9,13 +9,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.color.points.texels import TILE
 from texproj.resources.threads import in_parallel
 
 Weighed = tuple[NDArray[Any], NDArray[Any]]
 """(h, w, 3) float32 colors, and (h, w) float32 how much each counts."""
 
-STRIP = 128
-"""Rows of the full-size page that are worked on at once; even."""
+STRIP = TILE
+"""Rows of the full-size page that are worked on at once."""
 
 
 def fill_page(page: NDArray[Any], known: NDArray[np.bool_]) -> None:
@@ -26,7 +27,12 @@ def fill_page(page: NDArray[Any], known: NDArray[np.bool_]) -> None:
     """
     if known.all() or not known.any():
         return
-    half, columns = filled_half(page, known), slice(0, page.shape[1])
+
+    def part(rows: slice) -> Weighed:
+        color = cv2.copyTo(page[rows], known[rows].view(np.uint8)).astype(np.float32)
+        return color, known[rows].astype(np.float32)
+
+    half, columns = filled_half(known.shape, part), slice(0, page.shape[1])
 
     def one(number: int) -> None:
         rows = _strip(number, len(page))
@@ -38,14 +44,11 @@ def fill_page(page: NDArray[Any], known: NDArray[np.bool_]) -> None:
     in_parallel(one, range(-(-len(page) // STRIP)))
 
 
-def filled_half(page: NDArray[Any], known: NDArray[np.bool_]) -> NDArray[Any]:
-    """(h / 2, w / 2, 3) float32 the page reduced, without holes; its sides rounded up."""
-
-    def part(rows: slice) -> Weighed:
-        color = cv2.copyTo(page[rows], known[rows].view(np.uint8)).astype(np.float32)
-        return color, known[rows].astype(np.float32)
-
-    return _filled(*_halved(known.shape, part))
+def filled_half(shape: tuple[int, ...], part: Callable[[slice], Weighed]) -> NDArray[Any]:
+    """(h / 2, w / 2, 3) float32 an image (h, w) reduced, without holes; its sides rounded up. part:
+    its colors in `STRIP` of its rows, 0 where they are not known, and how much each is.
+    """
+    return _filled(*_halved(shape, part))
 
 
 def _strip(number: int, height: int) -> slice:

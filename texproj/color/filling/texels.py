@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.arrays import Floats
-from texproj.color.filling.gutters import enlarged, filled_half
+from texproj.color.filling.gutters import Weighed, enlarged, filled_half
 from texproj.color.filling.vertices import fill_vertices
 from texproj.color.points.texels import TexelPoints
 from texproj.mesh import Mesh, blocks
@@ -90,12 +90,15 @@ def _fill(membrane: _Membrane, number: int, page: NDArray[Any], apart: NDArray[n
     ]  # fmt: skip
     if not tiles:
         return
-    difference = np.zeros(page.shape, np.int16 if page.itemsize == 1 else np.int32)  # mostly empty
 
-    def compare(k: int) -> None:
-        place = points.tiles[k].rows, points.tiles[k].columns
-        beside = points.mask(k) & (apart[place] == BESIDE)
-        difference[place][beside] = np.round(page[place][beside] - membrane.at(k, beside))
+    def difference(rows: slice) -> Weighed:
+        """Of a row of tiles, beside what is unseen."""
+        out = np.zeros((*apart[rows].shape, 3), np.float32)
+        for k in (k for k in tiles if points.tiles[k].rows.start == rows.start):
+            columns = points.tiles[k].columns
+            beside = points.mask(k) & (apart[rows, columns] == BESIDE)
+            out[:, columns][beside] = np.round(page[rows, columns][beside] - membrane.at(k, beside))
+        return out, (apart[rows] == BESIDE).astype(np.float32)
 
     def color(k: int) -> None:
         place = points.tiles[k].rows, points.tiles[k].columns
@@ -105,8 +108,7 @@ def _fill(membrane: _Membrane, number: int, page: NDArray[Any], apart: NDArray[n
         colors += kept * (page[place][touched] - colors)
         page[place][touched] = np.round(colors.clip(0, np.iinfo(page.dtype).max))
 
-    in_parallel(compare, tiles)
-    half = filled_half(difference, apart == BESIDE)
+    half = filled_half(apart.shape, difference)
     in_parallel(color, tiles)
 
 
