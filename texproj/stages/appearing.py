@@ -141,6 +141,11 @@ def appearance_project(
     last time. A photo that cannot be read is left out and named in `failed`. Raises InputError if
     none is left, OutputError if out/ cannot be written; the old files stay then.
     """
+    project = bench.project
+    before = project.load_record(STAGE)
+    to = to or _made(before)
+    if before is not None and appearance_freshness(project, to).fresh:
+        return _outcome(project, before, kept=True)
     from texproj.stages.appearance_files import (  # noqa: PLC0415 - slow to load
         light_facts,
         write_appearance,
@@ -148,11 +153,6 @@ def appearance_project(
     )
     from texproj.stages.writing import output_plan  # noqa: PLC0415
 
-    project = bench.project
-    before = project.load_record(STAGE)
-    to = to or _made(before)
-    if before is not None and appearance_freshness(project, to).fresh:
-        return _outcome(project, before, kept=True)
     check_light(project)
     cameras, failed = usable_cameras(project)
     keep_occluders(bench, cameras, progress)

@@ -98,13 +98,13 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
     A photo that cannot be read is left out and named in `failed`. Raises InputError if none is
     left, OutputError if out/ cannot be written; the old model stays then.
     """
-    from texproj.stages.lightening import check_levels  # noqa: PLC0415 - slow to load
-    from texproj.stages.writing import output_plan  # noqa: PLC0415
-
     project = bench.project
     before = project.load_record(STAGE)
     if before is not None and color_freshness(project).fresh:
         return _outcome(project, before, kept=True)
+    from texproj.stages.lightening import check_levels  # noqa: PLC0415 - slow to load
+    from texproj.stages.writing import output_plan  # noqa: PLC0415
+
     cameras, failed = usable_cameras(project)
     measured = [project.photo_info(name).up_in_cam for name in cameras]
     wanted = project.settings.color, project.settings.output

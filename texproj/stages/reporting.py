@@ -56,13 +56,13 @@ def report_project(bench: Workbench, progress: Progress = silent) -> ReportOutco
     """Write the report of the project as it stands, unless it is there already. Raises InputError,
     OutputError.
     """
-    from texproj.report.page import page  # noqa: PLC0415 - slow to load
-    from texproj.stages.depicting import pictures  # noqa: PLC0415
-
     project = bench.project
     files = project.out / HTML, project.out / JSON
     if report_freshness(project).fresh:
         return ReportOutcome(files, True)
+    from texproj.report.page import page  # noqa: PLC0415 - slow to load
+    from texproj.stages.depicting import pictures  # noqa: PLC0415
+
     inputs = _inputs(project)
     records = project.load_cameras()
     facts = _facts(bench, records)
