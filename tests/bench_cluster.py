@@ -5,7 +5,9 @@
 Without PROJECT a synthetic one of 8 photos with starts is made, with --loose without any, so that
 features and pairs are found by workers, too. The stages run here, then on a Dask cluster, in copies
 of the project; with --kill a worker is killed in the middle of each stage, and of features and
-pairs; with --copies the workers do not see the project folder and are sent its files. For each stage: seconds on the clock here and there. Then how far the cameras and the textures are
+pairs; with --copies the workers do not see the project folder and are sent its files.
+
+For each stage: seconds on the clock here and there. Then how far the cameras and the textures are
 apart: floor 1e-9 and 1 of 255.
 """
 
