@@ -20,7 +20,6 @@ import signal
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -79,7 +78,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as scratch:
         first = Path(scratch) / "first"
         if options.project is None:
-            write_demo(first, replace(DEMO, starts=not options.loose))
+            write_demo(first, DemoOptions(photos=8) if options.loose else DEMO)
         else:
             leave = shutil.ignore_patterns("work", "out")
             shutil.copytree(options.project, first, ignore=leave)
