@@ -45,7 +45,9 @@ def polarized_pages(
         points = FlashTexels(TexelPoints.of(mesh, base.atlas, scratch), mesh)
         for number, tile in enumerate(points.texels.tiles):
             chunk = points.chunk(number)
-            values = np.einsum("nk,nkc->nc", points.parts(chunk), at_vertices[mesh.faces[chunk.owner]])
+            values = np.einsum(
+                "nk,nkc->nc", points.parts(chunk), at_vertices[mesh.faces[chunk.owner]]
+            )
             shown = values[:, :3], _gray(values[:, 3]), _gray(srgb_from_linear(values[:, 4]))
             for pages, what in zip((orm, sure, specular), shown, strict=True):
                 bytes_ = np.round(what.clip(0, 1) * TOP).astype(np.uint8)
