@@ -1,4 +1,4 @@
-"""The light that `appearance` found in the photos, told by light.json, as light to show things in."""
+"""The light that `appearance` found in the photos, as light to show things in."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SIZE = 64, 32
 
 @dataclass(frozen=True, eq=False)
 class PhotographedLight:
-    """sky: (9, 3) spherical harmonics of linear RGB radiance in the scan's frame; sun: or None. Both
+    """sky: (9, 3) spherical harmonics of linear RGB radiance in the scan's frame; sun: or None; both
     in the unit of the photos' linear colors, 1 = white.
     """
 

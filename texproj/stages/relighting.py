@@ -85,8 +85,8 @@ class Place:
 class RelightOptions:
     """suns, lamps: where they are; sky: "none", "overcast", "photographed" or a file, None =
     overcast, but none where there are only lamps; kelvin: color of suns and lamps, None = white;
-    ev: exposure at ISO 100, None = as a camera meters, or, in the photos' light alone, as they were;
-    tone: the curve, None = filmic, there none, as of the photos; photo: the photo from whose
+    ev: exposure at ISO 100, None = as a camera meters, or, in the photos' light alone, as theirs;
+    tone: the curve, None = filmic, or, there, none; photo: the photo from whose
     camera is looked, None = the front; film: None = one picture; f_number: of a lens, None = all is
     sharp; traced: by the path tracer; turn: options of the film.
     """

@@ -84,7 +84,7 @@ def _cover(camera: Camera) -> Camera:
 
 
 def _bent(layers: Floats, cover: Camera, camera: Camera) -> Floats:
-    """(h, w, 4) the picture of a camera from that of its cover: nothing where its lens model ends."""
+    """(h, w, 4) the picture of a camera from that of its cover; nothing where the lens ends."""
     k = cover.intrinsics
     if k == camera.intrinsics.pinhole and not camera.intrinsics.distorted:
         return layers
