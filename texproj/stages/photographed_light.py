@@ -33,8 +33,8 @@ SIZE = 64, 32
 
 @dataclass(frozen=True, eq=False)
 class PhotographedLight:
-    """sky: (9, 3) spherical harmonics of linear RGB radiance in the scan's frame; sun: or None; both
-    in the unit of the photos' linear colors, 1 = white.
+    """sky: (9, 3) spherical harmonics of linear RGB radiance in the scan's frame; sun: or None; in
+    the unit of the photos' linear colors, 1 = white.
     """
 
     sky: Doubles
