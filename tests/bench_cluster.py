@@ -2,7 +2,7 @@
 
     python tests/bench_cluster.py [PROJECT] [--workers 3] [--kill] [--loose] [--copies]
 
-Without PROJECT a synthetic one of 8 photos with starts is made, with --loose without any, so that
+Without PROJECT a synthetic one of 8 photos with starts is made, with --loose of 12 without, so that
 features and pairs are found by workers, too. The stages run here, then on a Dask cluster, in copies
 of the project; with --kill a worker is killed in the middle of each stage, and of features and
 pairs; with --copies the workers do not see the project folder and are sent its files.
@@ -78,7 +78,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as scratch:
         first = Path(scratch) / "first"
         if options.project is None:
-            write_demo(first, DemoOptions(photos=8) if options.loose else DEMO)
+            write_demo(first, DemoOptions() if options.loose else DEMO)
         else:
             leave = shutil.ignore_patterns("work", "out")
             shutil.copytree(options.project, first, ignore=leave)

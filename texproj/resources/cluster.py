@@ -29,6 +29,8 @@ CONNECT_S, CLOSE_S = 10, 2
 ALONE_S = 180
 """Seconds without any worker after which nobody will come: one that died is back before, on a busy
 machine, too."""
+TRIES = 3
+"""To reach all workers, of which one may end just then."""
 SILENT = "60 s"
 """After which a worker of this machine that gives no sign of life is taken for dead: reading the
 largest mesh keeps one silent for half of that."""
@@ -81,13 +83,18 @@ class Cluster:
         self, work: Callable[..., T], *args: Any, at: Sequence[str] | None = None
     ) -> dict[str, T]:
         """What ``work(*args)``, which must be quick, gives in each worker, by its address. at: of
-        these workers alone. Raises ClusterError.
+        these workers alone. Raises ClusterError, WorkerLostError where one ends meanwhile, again and
+        again.
         """
-        try:
-            found: dict[str, T] = self.client.run(work, *args, workers=at and [*at])
-        except (OSError, CancelledError) as error:
-            raise self.gone() from error
-        return found
+        for _ in range(TRIES):
+            try:
+                found: dict[str, T] = self.client.run(work, *args, workers=at and [*at])
+            except (OSError, CancelledError) as error:
+                if self.client.status != "running":
+                    raise self.gone() from error
+            else:
+                return found
+        raise WorkerLostError
 
     def after_tasks(self, work: Callable[[], None]) -> None:
         """Have each worker call ``work()`` after the task that it is at."""

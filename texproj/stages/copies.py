@@ -5,15 +5,20 @@ from __future__ import annotations
 import os
 import shutil
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import gettempdir
+from typing import Any, TypeVar
 
 from texproj.errors import InputError
 from texproj.project import Project
-from texproj.resources.cluster import Cluster
+from texproj.resources.cluster import ALONE_S, Cluster, ClusterError, host_of
+from texproj.resources.workers import LISTEN_S, WorkerLostError
+
+Machine = tuple[str, str]
+T = TypeVar("T")
 
 PREFIX = "texproj-copy-"
 BLOCK = 16 << 20
@@ -24,13 +29,18 @@ FORGOTTEN_S = 86_400
 
 @dataclass(frozen=True, eq=False)
 class Copies:
-    """run: another word for each run; workers: addresses, one of each machine."""
+    """run: another word for each run; machines: host and folder of each copy."""
 
     cluster: Cluster
     project: Project
     run: str
-    workers: Sequence[str]
+    machines: frozenset[Machine]
     _sent: dict[Path, tuple[int, int]] = field(default_factory=dict)
+
+    @classmethod
+    def begun(cls, cluster: Cluster, project: Project, run: str) -> Copies:
+        """Empty ones on all machines."""
+        return cls(cluster, project, run, frozenset(_machines(cluster, run)))
 
     def bring_inputs(self) -> None:
         """Send what a person put into the project. Raises InputError."""
@@ -60,10 +70,32 @@ class Copies:
                 " or the folder on storage that all workers share"
             ) from None
         for start, data in _blocks(path):
-            told = self.cluster.everywhere(_write, self.run, inside, start, data, at=self.workers)
-            for worker, why in told.items():
+            for worker, why in self._on_each_machine(_write, inside, start, data).items():
                 if why is not None:
                     raise InputError(f"{path} cannot be copied to the worker at {worker}: {why}")
+
+    def _on_each_machine(self, work: Callable[..., T], *args: Any) -> dict[str, T]:
+        """What ``work(run, *args)`` gives in one worker of each machine, which may have ended and
+        be back soon. Raises ClusterError.
+        """
+        end = time.monotonic() + ALONE_S
+        while time.monotonic() < end:
+            with suppress(WorkerLostError):
+                there = _machines(self.cluster, self.run)
+                if self.machines <= there.keys():
+                    workers = [there[machine] for machine in self.machines]
+                    return self.cluster.everywhere(work, self.run, *args, at=workers)
+            time.sleep(LISTEN_S)
+        raise ClusterError(
+            f"a machine of the cluster at {self.cluster.address} has no worker any more; what was"
+            " done is kept: start one there, or leave it out, then the same command again"
+        )
+
+
+def _machines(cluster: Cluster, run: str) -> dict[Machine, str]:
+    """A worker of each machine, where the copy has been begun."""
+    places = cluster.everywhere(begin, run)
+    return {(host_of(worker), place): worker for worker, place in places.items()}
 
 
 def _files(place: Path) -> Iterator[Path]:
@@ -90,7 +122,9 @@ def copy_of(run: str) -> Path:
 
 
 def begin(run: str) -> str:
-    """Where on this machine a new copy will be; those that a killed run left go."""
+    """Where on this machine a copy is; a new one is begun, and those that a killed run left go."""
+    if copy_of(run).is_dir():
+        return str(copy_of(run))
     for old in Path(gettempdir()).glob(f"{PREFIX}*"):
         with suppress(OSError):  # of somebody else
             if time.time() - old.stat().st_mtime > FORGOTTEN_S:

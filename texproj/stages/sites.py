@@ -12,10 +12,10 @@ from typing import Any, TypeVar
 
 from texproj.errors import InputError
 from texproj.project import Project
-from texproj.resources.cluster import Cluster, host_of
-from texproj.resources.workers import Pending, Workers, processes, processes_here
+from texproj.resources.cluster import Cluster, ClusterError
+from texproj.resources.workers import Pending, WorkerLostError, Workers, processes, processes_here
 from texproj.stages.bench import Crew, Workbench
-from texproj.stages.copies import Copies, begin, end, in_use
+from texproj.stages.copies import Copies, end, in_use
 from texproj.version import __version__
 
 T = TypeVar("T")
@@ -71,7 +71,12 @@ def crew_of(cluster: Cluster, project: Project) -> Iterator[Crew]:
     where a worker has another version of texproj, or no room for a copy.
     """
     site = Site.of(project)
-    there = cluster.everywhere(_looked_at, site.project.root)
+    try:
+        there = cluster.everywhere(_looked_at, site.project.root)
+    except WorkerLostError:
+        raise ClusterError(
+            f"workers of {cluster.address} end all the time; see their logs"
+        ) from None
     for worker, (version, _) in there.items():
         if version != __version__:
             raise InputError(
@@ -89,10 +94,7 @@ def crew_of(cluster: Cluster, project: Project) -> Iterator[Crew]:
 
 
 def _crew_of_copies(cluster: Cluster, site: Site) -> SiteCrew:
-    machines: dict[str, str] = {}
-    for worker, place in cluster.everywhere(begin, site.run).items():
-        machines.setdefault(f"{host_of(worker)} {place}", worker)
-    copies = Copies(cluster, site.project, site.run, tuple(machines.values()))
+    copies = Copies.begun(cluster, site.project, site.run)
     copies.bring_inputs()
     return SiteCrew(cluster, site, copies)
 
