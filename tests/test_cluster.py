@@ -153,6 +153,38 @@ def test_a_folder_that_workers_do_not_see_is_copied(cluster, project, monkeypatc
     assert waited_for(lambda: not there.exists())
 
 
+class Restarting:
+    """A cluster of one machine whose worker has another address after each call, and is away or
+    lost in between.
+    """
+
+    address = "tcp://here:1"
+
+    def __init__(self, there: int) -> None:
+        self.calls, self.there = 0, there
+
+    def everywhere(self, work, *args, at=None):
+        self.calls += 1
+        worker = f"tcp://here:{self.calls}"
+        if at is not None and (self.calls < 6 or not self.there):
+            raise WorkerLostError
+        return {worker: work(*args)} if at or self.there or self.calls == 1 else {}
+
+
+def test_a_file_reaches_whichever_worker_lives(project, tmp_path, monkeypatch):
+    monkeypatch.setattr(copies, "gettempdir", lambda: str(tmp_path))
+    monkeypatch.setattr(copies, "LISTEN_S", 0.01)
+    there = copies.Copies.begun(Restarting(1), project, "run")
+    there.bring(project.mesh_path)
+    same_file = copies.copy_of("run") / project.mesh_path.relative_to(project.root)
+    monkeypatch.setattr(copies, "ALONE_S", 0.1)
+    gone = copies.Copies.begun(Restarting(0), project, "other")
+
+    assert same_file.read_bytes() == project.mesh_path.read_bytes()
+    with pytest.raises(ClusterError, match="has no worker any more"):
+        gone.bring(project.mesh_path)
+
+
 def waited_for(true) -> bool:
     end = time.monotonic() + 20
     while not true() and time.monotonic() < end:

@@ -46,7 +46,10 @@ def _extractor() -> Any:
 
 
 def matched(batch: Batch, threads: int) -> Matched:
-    """The pairs of a batch, matched and verified in a database of their own."""
+    """The pairs of a batch, matched and verified in a database of their own; the process, which is
+    not COLMAP's own, keeps its terminal clean.
+    """
+    pycolmap.logging.minloglevel = int(pycolmap.logging.WARNING)
     with TemporaryDirectory(prefix="texproj-pairs-") as scratch:
         keys = tuple(features.key for features in batch.features)
         database = str(Path(scratch) / "pairs.db")

@@ -83,7 +83,7 @@ class Cluster:
         self, work: Callable[..., T], *args: Any, at: Sequence[str] | None = None
     ) -> dict[str, T]:
         """What ``work(*args)``, which must be quick, gives in each worker, by its address. at: of
-        these workers alone. Raises ClusterError, WorkerLostError where one ends meanwhile, again and
+        these workers alone. Raises ClusterError, WorkerLostError where one ends meanwhile time and
         again.
         """
         for _ in range(TRIES):
