@@ -14,7 +14,8 @@ from texproj.cli import main
 from texproj.color.filling.old_texture import with_old_texture
 from texproj.color.texture import color_texture
 from texproj.errors import InputError
-from texproj.formats.meshes import companions, read_mesh_file, read_picture
+from texproj.formats.meshes import read_mesh_file, read_picture
+from texproj.formats.meshes.companions import companions
 from texproj.formats.models import read_model
 from texproj.options import ColorOptions, OutputOptions, RenderOptions, UnwrapOptions
 from texproj.photo import linear_from_srgb, srgb_from_linear

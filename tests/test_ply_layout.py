@@ -9,7 +9,8 @@ from plyfile import PlyData, PlyElement
 from test_layouts import colored, loaded, renderer, write
 
 from texproj.errors import InputError
-from texproj.formats.meshes import companions, read_mesh_file, read_picture
+from texproj.formats.meshes import read_mesh_file, read_picture
+from texproj.formats.meshes.companions import companions
 from texproj.options import UnwrapOptions
 from texproj.unwrap.kept import kept_pages
 

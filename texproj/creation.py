@@ -9,7 +9,8 @@ from pathlib import Path
 
 from texproj.errors import InputError, OutputError, TexprojError, UsageError
 from texproj.files import link_or_copy, write_atomically
-from texproj.formats.meshes import MESH_SUFFIXES, companions, read_mesh
+from texproj.formats.meshes import MESH_SUFFIXES, read_mesh
+from texproj.formats.meshes.companions import companions
 from texproj.formats.photos import PHOTO_SUFFIXES, RAW_SUFFIXES, SAID, read_photo, read_photo_info
 from texproj.intake import (
     find_photos,

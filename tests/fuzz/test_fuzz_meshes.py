@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from layout_files import glb, image
 
 from texproj.errors import InputError
-from texproj.formats.meshes import companions, picture_side, read_mesh, read_mesh_file
+from texproj.formats.meshes import picture_side, read_mesh, read_mesh_file
+from texproj.formats.meshes.companions import companions
 from texproj.options import UnwrapOptions
 from texproj.repair import repair
 from texproj.unwrap.kept import kept_pages

@@ -54,7 +54,7 @@ def layout_inputs(project: Project) -> Inputs:
     maps = maps and project.mesh_path.suffix.lower() == ".gltf"
     if not maps and settings.color.fill != "texture":
         return {}
-    from texproj.formats.meshes import companions  # noqa: PLC0415 - slow to load
+    from texproj.formats.meshes.companions import companions  # noqa: PLC0415 - slow to load
 
     return file_inputs(project, **companions(project.mesh_path))
 

@@ -6,13 +6,11 @@ from texproj.formats.meshes.kinds import MESH_KINDS, MESH_SUFFIXES
 from texproj.loading import when_used
 
 if TYPE_CHECKING:
-    from texproj.formats.meshes.companions import companions
     from texproj.formats.meshes.pictures import picture_side, read_picture
     from texproj.formats.meshes.read import MeshFile, read_mesh, read_mesh_file
 
 _HOMES = {
     "MeshFile": "texproj.formats.meshes.read",
-    "companions": "texproj.formats.meshes.companions",
     "picture_side": "texproj.formats.meshes.pictures",
     "read_mesh": "texproj.formats.meshes.read",
     "read_mesh_file": "texproj.formats.meshes.read",
@@ -23,7 +21,6 @@ __all__ = [
     "MESH_KINDS",
     "MESH_SUFFIXES",
     "MeshFile",
-    "companions",
     "picture_side",
     "read_mesh",
     "read_mesh_file",
