@@ -3,8 +3,11 @@
 import subprocess
 import sys
 
+import pytest
+
 from texproj.cli import talk
 from texproj.cli.progress import LINE_EVERY_S, progress_lines
+from texproj.loading import when_used
 
 
 def told(*steps):
@@ -76,6 +79,12 @@ def test_status_loads_nothing_that_makes_results(tmp_path):
 
     assert "not made yet" in done.stdout
     assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_no_module_hides_a_name_that_is_loaded_later():
+    """A loaded module becomes an attribute of its package, in place of a function of its name."""
+    with pytest.raises(ValueError, match="companions would be hidden"):
+        when_used("texproj.formats.meshes", {"companions": "texproj.formats.meshes.companions"})
 
 
 def test_names_do_not_command_the_terminal(capsys):
