@@ -39,6 +39,7 @@ from texproj.mesh import ColoredMesh
 from texproj.photo import LUMINANCE, srgb_from_linear
 from texproj.project import Project
 from texproj.render.rays import CPURenderer
+from texproj.report.pictures import Front
 from texproj.stages.photographed_light import photographed
 from texproj.stages.relighting import (
     RelightOptions,
@@ -79,6 +80,9 @@ def surface(*squares, roughness=1.0, base=BASE):
 
 def from_above(height: float = 4.0) -> Camera:
     return Camera(LENS, Pose.look_at((0, 0, height), (0, 0, 0), (0, 1, 0)))
+
+
+ABOVE = Front(np.array([0.0, 1, 0]), np.array([0.0, 0, 1]))
 
 
 def lit(shape, *, camera=None, **lights):
@@ -281,7 +285,7 @@ def test_no_light_shows_nothing(project_folder, sky):
     cv2.imwrite(str(project_folder / "dark.hdr"), np.zeros((16, 32, 3), np.float32))
     options = RelightOptions(sky=dark)
     with pytest.raises(UsageError, match="there is no light: the sky is"):
-        illumination(Project.open(project_folder), options, surface((1.0, 0.0)), [from_above()])
+        illumination(Project.open(project_folder), options, surface((1.0, 0.0)), ABOVE)
 
 
 def test_another_mesh_than_the_recovered_one_is_refused(project_folder):

@@ -13,8 +13,7 @@ from texproj.arrays import Doubles
 from texproj.errors import InputError
 from texproj.preview.surface import Surface
 from texproj.project import Project
-from texproj.report.pictures import frame_of
-from texproj.stages.depicting import registered_cameras
+from texproj.stages.fronts import front
 from texproj.stages.photographed_light import SKY_LUX, SUN_LUX, photographed
 
 KELVIN = tuple(range(2000, 12001, 250))
@@ -29,8 +28,7 @@ def lights(project: Project, surface: Surface) -> dict[str, Any]:
     it, if they had one, and its irradiance over the sky's there; sun_lux: of a clear day; tints:
     linear RGB of each of `kelvin`, of luminance 1.
     """
-    mesh = surface.source.mesh
-    up, level = frame_of(mesh, registered_cameras(project.load_cameras()))
+    up, level = front(project, surface.source.mesh)
     skies = {"overcast": _irradiance(overcast(up, -level, SKY_LUX)).tolist()}
     found = _found(project)
     if found is not None:

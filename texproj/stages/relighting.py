@@ -36,14 +36,14 @@ from texproj.formats.models import read_model
 from texproj.formats.models.read_values import read_values
 from texproj.mesh import ColoredMesh, TexturedMesh
 from texproj.project import Project
-from texproj.report.pictures import around, frame_of, on_backdrop
+from texproj.report.pictures import Front, around, on_backdrop
 from texproj.stages.appearance_files import MODEL_GLB, PLY
 from texproj.stages.appearing import STAGE as APPEARANCE
 from texproj.stages.appearing import appearance_freshness
 from texproj.stages.bench import Workbench
 from texproj.stages.coloring import STAGE as COLOR
-from texproj.stages.depicting import registered_cameras
 from texproj.stages.film_path import film_path
+from texproj.stages.fronts import front
 from texproj.stages.outcomes import Tally
 from texproj.stages.photographed_light import SKY_LUX, SUN_LUX, photographed
 from texproj.stages.progress import Progress, silent
@@ -164,10 +164,10 @@ def relight_project(
         check_tracer()
     surface = recovered_surface(project)
     changed = changed_since(project)
-    cameras = registered_cameras(project.load_cameras())
+    before = front(project, bench.mesh)
     project.check_writable(project.out)
-    views, of_frame, notes = _views(bench, options, cameras)
-    light = illumination(project, options, surface, cameras)
+    views, of_frame, notes = _views(bench, options, before)
+    light = illumination(project, options, surface, before)
     exposure = _exposure(project, options)
     if options.sky == PHOTOGRAPHED:
         notes += (TAKEN_FOR,)
@@ -263,10 +263,10 @@ def _same_place(model: TexturedMesh | ColoredMesh, vertices: ColoredMesh) -> Any
 
 
 def illumination(
-    project: Project, options: RelightOptions, surface: LitSurface, cameras: Sequence[Camera]
+    project: Project, options: RelightOptions, surface: LitSurface, before: Front
 ) -> Illumination:
     """The lights that were asked for, in the scan's frame."""
-    up, level = frame_of(surface.mesh, cameras)
+    up, level = before
     right = np.cross(up, level)
 
     def toward(place: Place) -> Doubles:
@@ -304,17 +304,17 @@ def illumination(
 
 
 def _views(
-    bench: Workbench, options: RelightOptions, cameras: Sequence[Camera]
+    bench: Workbench, options: RelightOptions, before: Front
 ) -> tuple[list[Camera], Sequence[int], tuple[str, ...]]:
     """The cameras to draw, which of them each frame is, and what is unusual about them."""
     size = (options.turn.size, options.turn.size)
     if options.photo is not None:
         return [_of_photo(bench.project, options.photo).reduced(size[0])], [0], ()
     if options.film is None:
-        return around(bench.mesh, cameras, [0.0], size), [0], ()
-    path = film_path(bench, cameras, options.turn.frames)
+        return around(bench.mesh, before, [0.0], size), [0], ()
+    path = film_path(bench, before, options.turn.frames)
     angles, of_frame = np.unique(path.angles_deg.round(6), return_inverse=True)
-    views = around(bench.mesh, cameras, angles.tolist(), size)
+    views = around(bench.mesh, before, angles.tolist(), size)
     return views, of_frame.tolist(), (path.note,) if path.note else ()
 
 

@@ -88,8 +88,8 @@ def _bent(layers: Floats, cover: Camera, camera: Camera) -> Floats:
     k = cover.intrinsics
     if k == camera.intrinsics.pinhole and not camera.intrinsics.distorted:
         return layers
-    at = ideal_grid(camera.intrinsics) * np.float32((k.fx, k.fy))
-    at = np.nan_to_num(at + np.float32((k.cx - 0.5, k.cy - 0.5)), nan=-2.0)
+    at = ideal_grid(camera.intrinsics) * np.array((k.fx, k.fy), np.float32)
+    at = np.nan_to_num(at + np.array((k.cx - 0.5, k.cy - 0.5), np.float32), nan=-2.0)
     out = cv2.remap(layers, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
     return np.asarray(out, np.float32)
 
