@@ -11,9 +11,9 @@ as a vertex averages it, over points that at least 3 photos see: at the best com
 the tint known (the best scale per channel); cavities see less than 70 % of the sky. "true light" is
 what the blend gives on the same mesh when the light is not found but known: what is left then is
 the mesh's and the photos'. "paint alone" is what photos of the paint in no light at all, of the
-same cameras, give on that mesh: what is left then is sampling. Relit: the piece by a lamp, drawn by Mitsuba with these colors on the
-scan, against the true one. Of real photos it prints the verdict, and the suns that each half of
-them tells.
+same cameras, give on that mesh: what is left then is sampling. Relit: the piece by a lamp, drawn by
+Mitsuba with these colors on the scan, against the true one. Of real photos it prints the verdict,
+and the suns that each half of them tells.
 """
 
 from __future__ import annotations

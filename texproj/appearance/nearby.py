@@ -25,7 +25,7 @@ MOVES = 2
 
 
 def told_nearby(points: LitPoints, fit: LightFit, cell: Index) -> LightFit:
-    """A light after steps of Gauss and Newton. cell: (n,) number of the small cell of each point."""
+    """A light after steps of Gauss and Newton. cell: (n,) number of each point's small cell."""
     columns = points.columns
     for _ in range(ROUNDS):
         irradiance = fit.irradiance(points)
