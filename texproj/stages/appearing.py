@@ -41,7 +41,7 @@ from texproj.stages.provenance import provenance_of
 from texproj.stages.writing import output_plan
 
 STAGE = "appearance"
-VERSION = 3
+VERSION = 4
 SECTIONS = ("color", "unwrap", "light", "output", "render")
 
 
