@@ -10,9 +10,10 @@ Of synthetic sets it prints CIEDE2000 of the base color, median and 90 %, agains
 as a vertex averages it, over points that at least 3 photos see: at the best common scale, and with
 the tint known (the best scale per channel); cavities see less than 70 % of the sky. "true light" is
 what the blend gives on the same mesh when the light is not found but known: what is left then is
-the mesh's and the photos'. Relit: the piece by a lamp, drawn by Mitsuba with these colors on the
-scan, against the true one. Of real photos it prints the verdict, and the suns that each half of
-them tells.
+the mesh's and the photos'. "paint alone" is what photos of the paint in no light at all, of the
+same cameras, give on that mesh: what is left then is sampling. Relit: the piece by a lamp, drawn by
+Mitsuba with these colors on the scan, against the true one. Of real photos it prints the verdict,
+and the suns that each half of them tells.
 """
 
 from __future__ import annotations
@@ -41,10 +42,11 @@ from texproj.color.vertices import color_vertices
 from texproj.demo.pattern import painted
 from texproj.mesh import Mesh
 from texproj.options import ColorOptions, RenderOptions
-from texproj.photo import LUMINANCE, Photo, PhotoInfo
+from texproj.photo import LUMINANCE, Photo, PhotoInfo, srgb_from_linear
 from texproj.project import Project
 from texproj.render import ambient_occlusion, open_renderer
 from texproj.render.directions import cosine_directions
+from texproj.render.rays import RayCaster
 from texproj.stages.coloring import photo_set, usable_cameras
 
 LAMPS = ((0.5, 0.6), (-0.9, 0.2))
@@ -77,10 +79,32 @@ def told(name: str, made: Set, rgb, seen, cavity, sure) -> None:
     one, tint = (off(rgb[seen], made.albedo[seen], known) for known in (False, True))
     p90 = [np.percentile(x, 90) for x in (one, tint)]
     print(
-        f"{name:10} one scale {np.median(one):5.2f} / {p90[0]:5.2f}   tint known"
+        f"{name:11} one scale {np.median(one):5.2f} / {p90[0]:5.2f}   tint known"
         f" {np.median(tint):5.2f} / {p90[1]:5.2f}   cavities {np.median(tint[cavity]):5.2f}"
         f"   surer half {np.median(tint[sure]):5.2f}"
     )
+
+
+def paint_alone(made: Set):
+    """(V, 3) the blend of photos that show the true paint itself, four rays a pixel."""
+    caster = RayCaster(made.true.vertices.astype(np.float32), made.true.faces)
+    paint = painted(3)(made.true.vertices.astype(np.float32))
+    shots = []
+    for name, camera in made.cameras.items():
+        total = np.zeros((camera.height, camera.width, 3), np.float32)
+        for dx, dy in ((0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)):
+            x, y = np.meshgrid(np.arange(camera.width) + dx, np.arange(camera.height) + dy)
+            rays = camera.rays(np.stack([x.ravel(), y.ravel()], axis=1))
+            hits = caster.first(*(part.astype(np.float32) for part in rays))
+            met = np.flatnonzero(hits.face >= 0)
+            u, v = hits.u[met], hits.v[met]
+            weights = np.stack([1 - u - v, u, v], axis=1)
+            corner = made.true.faces[hits.face[met]]
+            shown = np.einsum("nk,nkc->nc", weights, paint[corner])
+            total.reshape(-1, 3)[met] += shown / 4
+        pixels = np.round(srgb_from_linear(total.clip(0, 1)) * 255).astype(np.uint8)
+        shots.append(Photo(PhotoInfo(name, camera.width, camera.height), pixels))
+    return blended(made.mesh, photos_of(list(made.cameras.values()), shots)).rgb
 
 
 def under_true_light(made: Set, colors: VertexColors):
@@ -158,6 +182,7 @@ def lines(made: Set, colors: VertexColors, found: Appearance):
     sure = found.confidence[seen] >= np.median(found.confidence[seen])
     told("blend", made, colors.rgb, seen, cavity, sure)
     told("base", made, found.base, seen, cavity, sure)
+    told("paint alone", made, paint_alone(made), seen, cavity, sure)
     return seen, cavity, sure
 
 

@@ -17,6 +17,7 @@ from texproj.appearance.light_fit import (
     LitPoints,
     fit_light,
 )
+from texproj.appearance.nearby import told_nearby
 from texproj.appearance.recovered import Appearance, NaturalLight, untold
 from texproj.appearance.sun import angle_deg, find_sun, spiral
 from texproj.appearance.transfer import SUN_RAYS, LightCaster
@@ -135,8 +136,9 @@ def _found(caster: LightCaster, rgb: Floats, chosen: Index, places: Places) -> _
     if sunny.spread <= (1 - SUN_GAIN) * sky.spread and _same_sun(
         caster, chosen, points, places.half, sky
     ):
-        return _Found(sunny, lit, to_sun, judged(lit, places, sky))
-    return _Found(sky, points, None, judged(points, places, sky))
+        told = told_nearby(lit, sunny, places.cell)
+        return _Found(told, lit, to_sun, judged(lit, places, sky))
+    return _Found(told_nearby(points, sky, places.cell), points, None, judged(points, places, sky))
 
 
 def _same_sun(

@@ -35,7 +35,7 @@ from texproj.stages.progress import Progress, silent
 from texproj.stages.provenance import provenance_of
 
 STAGE = "appearance"
-VERSION = 3
+VERSION = 4
 SECTIONS = ("color", "unwrap", "light", "output", "render")
 
 

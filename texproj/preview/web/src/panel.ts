@@ -85,7 +85,8 @@ function layerSection(look: Look, wanted: Layer, available: Set<Layer>, act: Pan
   });
   const factor = FACTORS.find((entry) => entry.factor === look.factor)!;
   const weights = look.layer === "weights";
-  const what = weights ? factor.what : LAYERS.find((entry) => entry.layer === look.layer)!.what;
+  const asked = LAYERS.find((entry) => entry.layer === wanted)!.what;
+  const what = wanted !== look.layer ? `${asked}: loading\u2026` : weights ? factor.what : asked;
   return section(
     "Show",
     el("div", { class: "choices", role: "radiogroup", "aria-label": "Layer" }, ...buttons),

@@ -165,9 +165,10 @@ export class Relight {
     if (!sun) return new THREE.Vector3();
     const { sun: found, sun_lux: lux, kelvin: known, tints } = this.lights!;
     const nearest = known.reduce((best, value, k) => (Math.abs(value - kelvin) < Math.abs(known[best] - kelvin) ? k : best), 0);
-    const own = (there: api.Lights["sun"]) => (there ? luminance(there.irradiance) : skyLight(this.lights!.skies[sky]!));
+    const own = () => skyLight(this.lights!.skies[sky]!);
+    if (sky === "photographed" && found) return new THREE.Vector3(...found.irradiance);
     if (sky === "picture" && this.own?.sun) return new THREE.Vector3(...this.own.sun.irradiance);
-    const strength = sky === "photographed" ? own(found) : sky === "picture" ? own(null) : lux;
+    const strength = sky === "photographed" || sky === "picture" ? own() : lux;
     return new THREE.Vector3(...tints[nearest]).multiplyScalar(strength);
   }
 }
