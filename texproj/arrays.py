@@ -15,6 +15,9 @@ Ints = NDArray[np.int64]
 Index = NDArray[np.intp]
 """Rows of another array."""
 
+Rows = NDArray[np.int32]
+"""Rows of another array where there are as many as a mesh has faces: half the memory."""
+
 Bools = NDArray[np.bool_]
 """Yes or no for each of something."""
 

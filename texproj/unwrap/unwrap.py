@@ -45,7 +45,7 @@ def unwrap(
     density = np.broadcast_to(np.asarray(texels_per_unit, np.float64), len(mesh.faces))
     regions = regions or Regions.of(mesh, options)
     flat, overlaps = flatten(mesh, regions, density, options)
-    charts = at_density(mesh, upright(flat), density)
+    charts = at_density(mesh, flat, density)
     charts, scale, placement = _fit(mesh, charts, options)
     return atlas_of(mesh, charts, placement, scale, overlaps, options)
 

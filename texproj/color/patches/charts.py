@@ -16,7 +16,7 @@ from texproj.mesh import Mesh, face_normals
 from texproj.options import UnwrapOptions
 from texproj.unwrap.atlas import Atlas
 from texproj.unwrap.chart_overlap import doubled
-from texproj.unwrap.charts import Charts, extents, join, upright
+from texproj.unwrap.charts import Charts, extents, join
 from texproj.unwrap.flatten import Regions, flatten
 from texproj.unwrap.packing import Placement
 from texproj.unwrap.pages import atlas_of, first_scale, on_pages
@@ -159,7 +159,7 @@ def _flat(mesh: Mesh, faces: Ints, density: NDArray[np.float32], options: Unwrap
     wanted = np.where(density > 0, density, UNSEEN * typical)[faces].astype(np.float64)
     rest = Mesh(mesh.vertices, mesh.faces[faces])
     flat, _ = flatten(rest, Regions.of(rest, options), wanted, options)
-    return replace(upright(at_density(rest, flat, wanted)), face_of_mesh=faces)
+    return replace(at_density(rest, flat, wanted), face_of_mesh=faces)
 
 
 def _fit(charts: Charts, options: UnwrapOptions, room: int) -> tuple[Charts, float, Placement]:
