@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from texproj.arrays import Doubles, Ints
 from texproj.errors import RenderError
 from texproj.unwrap.charts import Charts, extents
+from texproj.unwrap.covers import cover
 from texproj.unwrap.stretch import flat_areas
 
 SMALL_PX, TRAY_PX = 32.0, 256  # longest chart that goes on a tray, side of a tray
@@ -44,8 +45,9 @@ def pack(charts: Charts, padding_px: int, page_size: int) -> Placement:
     gap = -(-padding_px // cell)
     trays, rows, boxed = _on_trays(charts, padding_px, page_size)
     boxed |= extents(trays.uv, trays.starts)[1].min(axis=1) < NARROW_CELLS * cell
+    few = len(charts.faces) < area / cell**2
     for _ in range(5):
-        proxy = _proxy(trays, cell, boxed)
+        proxy = _of_faces(trays, cell, boxed) if few else _of_cells(trays, cell, boxed)
         placed = _run(proxy, gap, page_size // cell)
         uv, page, failed = _transfer(trays, cell, proxy, placed)
         if not failed.any():
@@ -57,11 +59,14 @@ def pack(charts: Charts, padding_px: int, page_size: int) -> Placement:
 
 @dataclass(frozen=True, eq=False)
 class _Proxy:
-    """What xatlas packs: (P, 2) uv in cells, faces into them, chart of each row (ascending)."""
+    """What xatlas packs: (P, 2) uv in cells, faces into them, chart of each row (ascending); apart:
+    (n, 2) where each chart is handed over, since xatlas takes corners at equal places for the same.
+    """
 
     uv: Doubles
     faces: Ints
     chart: Ints
+    apart: Doubles
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +75,21 @@ class _Placed:
     page: Ints  # (P,)
 
 
-def _proxy(charts: Charts, cell: int, boxed: NDArray[np.bool_]) -> _Proxy:
-    """The faces that xatlas can see, and a rectangle for each narrow chart."""
+def _of_cells(charts: Charts, cell: int, boxed: NDArray[np.bool_]) -> _Proxy:
+    """The cells that charts touch, where there are fewer of them than faces, side by side."""
+    size = extents(charts.uv, charts.starts)[1] / cell
+    size[boxed] = np.maximum(size[boxed], NARROW_CELLS)
+    cells = cover(charts, cell, size, boxed)
+    starts = np.searchsorted(cells.chart, np.arange(charts.count))
+    width = np.maximum.reduceat(cells.uv[:, 0], starts) + 1
+    apart = np.stack([np.cumsum(width) - width, np.zeros(len(width))], axis=1)
+    return _Proxy(cells.uv, cells.faces, cells.chart, apart)
+
+
+def _of_faces(charts: Charts, cell: int, boxed: NDArray[np.bool_]) -> _Proxy:
+    """The faces that xatlas can see, and a rectangle for each narrow chart; each chart shifted by
+    less than a cell.
+    """
     uv = charts.uv / cell
     area = flat_areas(uv, charts.faces)
     seen = (area > SMALLEST_FACE) & ~boxed[charts.chart_of_face]
@@ -84,9 +102,9 @@ def _proxy(charts: Charts, cell: int, boxed: NDArray[np.bool_]) -> _Proxy:
     chart = np.concatenate([charts.chart_of_uv[rows], np.repeat(np.flatnonzero(boxed), 4)])
     order = np.argsort(chart, kind="stable")
     where = np.argsort(order)
-    return _Proxy(
-        np.concatenate([uv[rows], corners.reshape(-1, 2)])[order], where[faces], chart[order]
-    )
+    uv = np.concatenate([uv[rows], corners.reshape(-1, 2)])[order]
+    apart = np.arange(charts.count)[:, None] * np.array([0.6180339887, 0.7548776662]) % 1
+    return _Proxy(uv, where[faces], chart[order], apart)
 
 
 def _run(proxy: _Proxy, gap: int, page_cells: int) -> _Placed:
@@ -99,12 +117,10 @@ def _run(proxy: _Proxy, gap: int, page_cells: int) -> _Placed:
 
 
 def _xatlas(proxy: _Proxy, gap: int, resolution: int) -> tuple[_Placed, int, int]:
-    """Positions, width and height in cells. xatlas takes corners at equal places for the same
-    corner, so each chart gets a shift of its own below one cell.
-    """
+    """Positions, width and height in cells."""
     atlas = xatlas.Atlas()
-    apart = proxy.chart[:, None] * np.array([0.6180339887, 0.7548776662]) % 1
-    atlas.add_uv_mesh((proxy.uv + apart).astype(np.float32), proxy.faces.astype(np.uint32))
+    uv = proxy.uv + proxy.apart[proxy.chart]
+    atlas.add_uv_mesh(uv.astype(np.float32), proxy.faces.astype(np.uint32))
     options = xatlas.PackOptions()
     options.texels_per_unit = 1.0
     options.resolution = resolution
