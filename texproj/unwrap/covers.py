@@ -33,8 +33,9 @@ class Runs:
         reach = np.maximum.accumulate(row * width + stop) - row * width
         new = np.ones(len(row), bool)
         new[1:] = (row[1:] != row[:-1]) | (start[1:] > reach[:-1])
-        last = np.append(np.flatnonzero(new)[1:], len(row)) - 1
-        return cls(row[new], start[new], reach[last])
+        first = np.flatnonzero(new)
+        last = np.append(first, len(row))[1:] - 1
+        return cls(row[first], start[first], reach[last])
 
 
 @dataclass(frozen=True, eq=False)
