@@ -1,5 +1,7 @@
 """Where all photos lie together on the mesh: how it is told, how picks hold it; photos apart."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 from test_solve_joint import ALL, surface, three_cameras
@@ -52,18 +54,32 @@ def test_the_common_motion_is_found_among_others():
     assert [found.log_scale, *found.rotation, *found.shift] == pytest.approx(MOTION, abs=2e-5)
 
 
+@dataclass
+class Whole:
+    """A covariance with all its numbers."""
+
+    matrix: np.ndarray
+
+    def times(self, columns):
+        return self.matrix @ columns
+
+    def of_camera(self, k, lens):
+        own = np.concatenate([6 * k + np.arange(6), 18 + lens])
+        return self.matrix[np.ix_(own, own)]
+
+
 def test_what_all_share_is_frame_and_the_rest_agreement():
     """Only a common motion is unsure: no disagreement; each camera by itself: both."""
     cameras, points = three_cameras(), seen()
     free = np.ones(3, bool)
-    alone = certainty(cameras, points, ALL, free, np.eye(18 + ALL.count) * 1e-8)
+    alone = certainty(cameras, points, ALL, free, Whole(np.eye(18 + ALL.count) * 1e-8))
     change = np.zeros((18 + ALL.count, 7))
     for column, h in enumerate(np.eye(7) * 1e-5):
         for k, camera in enumerate(moved(cameras, h)):
             turn = camera.pose.R @ cameras[k].pose.R.T
             change[6 * k : 6 * k + 3, column] = turn[2, 1], turn[0, 2], turn[1, 0]
             change[6 * k + 3 : 6 * k + 6, column] = camera.pose.t - turn @ cameras[k].pose.t
-    common = certainty(cameras, points, ALL, free, change @ change.T)
+    common = certainty(cameras, points, ALL, free, Whole(change @ change.T))
 
     assert min(alone.agreement_px) > 0.02
     assert max(common.agreement_px) < 1e-2 * min(

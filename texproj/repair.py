@@ -107,7 +107,7 @@ def first_equal_rows(rows: NDArray[np.float64] | NDArray[np.integer[Any]]) -> In
 
 def _words(rows: NDArray[Any]) -> NDArray[np.uint64]:
     """(n, k) the same rows as 64 bits each."""
-    wide = rows if rows.itemsize == 8 else rows.astype(np.int64)  # noqa: PLR2004 - bytes
+    wide = rows if rows.itemsize == 8 else rows.astype(np.int64)
     return np.ascontiguousarray(wide).view(np.uint64)
 
 

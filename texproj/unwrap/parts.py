@@ -81,8 +81,9 @@ class Regions:
         part_of_face = ((last - 1) // MOST_FACES).astype(np.int16)[self.labels]
         for number in np.unique(part_of_face):
             faces = np.flatnonzero(part_of_face == number).astype(np.int32)
-            graph, normals = dual_graph(mesh, faces), 0.5 * face_cross(
-                mesh.vertices, mesh.faces[faces]
+            graph, normals = (
+                dual_graph(mesh, faces),
+                0.5 * face_cross(mesh.vertices, mesh.faces[faces]),
             )
             labels = np.unique(self.labels[faces], return_inverse=True)[1].astype(np.int64)
             yield Part(faces, graph, _less_steep(normals, graph, labels))

@@ -99,11 +99,11 @@ def grow_regions(
     """(F,) int64 labels 0..n-1 of connected regions grown by merging neighbors.
 
     normals: (F, 3) of faces or regions to start with, of length area where these are flat; area:
-    (F,); pairs: (E, 2) neighbors; lengths: (E,) of their common border. A region with area A and summed normal N deviates from flat
-    by D = A - |N| (half the L2,1 energy of Cohen-Steiner, Alliez and Desbrun 2004); of all
-    neighbors those merge first whose rise of D per length of common border is least (the full
-    lambda schedule of Mumford-Shah segmentation, Robinson et al. 2002), as long as
-    |N| >= flatness * A. In each round all pairs merge that are each other's best.
+    (F,); pairs: (E, 2) neighbors; lengths: (E,) of their common border. A region with area A and
+    summed normal N deviates from flat by D = A - |N| (half the L2,1 energy of Cohen-Steiner, Alliez
+    and Desbrun 2004); of all neighbors those merge first whose rise of D per length of common
+    border is least (the full lambda schedule of Mumford-Shah segmentation, Robinson et al. 2002),
+    as long as |N| >= flatness * A. In each round all pairs merge that are each other's best.
     """
     regions = _Regions(normals, area)
     labels = np.arange(len(normals))
