@@ -137,8 +137,11 @@ def _valid_faces(
     def each(of_faces: Callable[[NDArray[np.integer[Any]]], NDArray[Any]]) -> NDArray[Any]:
         return by_blocks(len(rows), lambda part: of_faces(faces[rows[part]]))
 
-    keep(each(lambda some: ((some >= 0) & (some < len(source))).all(axis=1)), "faces out of range")
-    keep(each(lambda some: (welded[some] >= 0).all(axis=1)), "faces with non-finite vertices")
+    keep(
+        each(lambda some: np.asarray(((some >= 0) & (some < len(source))).all(axis=1))),
+        "faces out of range",
+    )
+    keep(each(lambda some: ~(welded[some] < 0).any(axis=1)), "faces with non-finite vertices")
     keep(each(lambda some: _has_area(source, welded[some])), "degenerate faces")
     corners = each(lambda some: np.sort(welded[some].astype(np.int32), axis=1))
     keep(first_equal_rows(corners) == np.arange(len(corners)), "duplicate faces")

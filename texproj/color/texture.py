@@ -47,8 +47,8 @@ from texproj.resources.memory import return_freed_memory, trim
 from texproj.resources.scratch import Scratch
 from texproj.resources.threads import in_parallel, opencv_in_one_thread
 from texproj.unwrap.atlas import Atlas
-from texproj.unwrap.flatten import Regions
 from texproj.unwrap.kept import kept_atlas, kept_pages
+from texproj.unwrap.parts import Regions
 from texproj.unwrap.unwrap import unwrap
 
 ENCODING = np.round(srgb_from_linear(np.arange(65536) / 65535) * 255).astype(np.uint8)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.arrays import Doubles, Ints, Rows
+from texproj.arrays import Doubles, Rows
 from texproj.unwrap.charts import Charts, border_edges, extents
 from texproj.unwrap.halfedges import stable_order
 from texproj.unwrap.regions import sum_by_label
@@ -54,7 +54,7 @@ def _doubled_in_rows(
 
 def _crossings(
     charts: Charts, edges: Rows, row_height: Doubles
-) -> tuple[Ints, Ints, Doubles, Ints]:
+) -> tuple[Rows, Rows, Doubles, Rows]:
     """Each crossing of a border edge and the middle of a row: edge, row (counted on from chart to
     chart), x, +1 where the inside begins (counter-clockwise borders run down there).
     """

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from texproj.arrays import Doubles, Ints, Rows
+from texproj.arrays import Doubles, Rows
 from texproj.mesh import Mesh, face_cross
 from texproj.unwrap.halfedges import half_edges, opposite, ordered
 from texproj.unwrap.regions import DualGraph, connected, sum_by_label
@@ -32,7 +32,7 @@ class Charts:
     count: int
 
     @property
-    def starts(self) -> Ints:
+    def starts(self) -> Rows:
         """(count,) first row of uv of each chart."""
         return np.searchsorted(self.chart_of_uv, np.arange(self.count))
 
@@ -41,7 +41,7 @@ class Charts:
         return replace(self, uv=uv)
 
 
-def project(mesh: Mesh, face_of_mesh: Rows, labels: Ints) -> Charts:
+def project(mesh: Mesh, face_of_mesh: Rows, labels: Rows) -> Charts:
     """The given faces, projected region by region along the mean normal of the region.
 
     labels: (n,) 0..count-1, each in use.
@@ -56,7 +56,7 @@ def project(mesh: Mesh, face_of_mesh: Rows, labels: Ints) -> Charts:
     return Charts(uv, faces, vertex, chart, labels.astype(np.int32), face_of_mesh, count)
 
 
-def select(charts: Charts, rows: Ints, graph: DualGraph, labels: Rows | None = None) -> Charts:
+def select(charts: Charts, rows: Rows, graph: DualGraph, labels: Rows | None = None) -> Charts:
     """The charts of some faces only, at the same places; parts without a common edge become
     charts of their own. graph: of these faces; labels: (n,) other charts for all faces of
     `charts`.
@@ -120,7 +120,7 @@ def border_edges(charts: Charts) -> Rows:
     return np.stack([start[border], end[border]], axis=1)
 
 
-def extents(uv: Doubles, starts: Ints) -> tuple[Doubles, Doubles]:
+def extents(uv: Doubles, starts: Rows) -> tuple[Doubles, Doubles]:
     """(n, 2) lower corner and (n, 2) size of each run of rows of uv (W, 2)."""
     low = np.minimum.reduceat(uv, starts)
     return low, np.maximum.reduceat(uv, starts) - low
@@ -134,7 +134,7 @@ def plane_axes(normals: Doubles) -> Doubles:
     return np.stack([x, np.cross(z, x), z], axis=1)
 
 
-def own_rows(labels: Ints, corners: Rows, counts: tuple[int, int]) -> tuple[Rows, Rows, Rows]:
+def own_rows(labels: Rows, corners: Rows, counts: tuple[int, int]) -> tuple[Rows, Rows, Rows]:
     """One row for each corner of each chart: its chart, its corner, faces into rows.
 
     labels: (n,) chart of each face; corners: (n, 3); counts: of charts and of possible corners.

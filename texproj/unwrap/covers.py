@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from texproj.arrays import Bools, Doubles, Ints
+from texproj.arrays import Bools, Doubles, Rows
 from texproj.mesh import blocks
 from texproj.unwrap.charts import Charts
 from texproj.unwrap.halfedges import stable_order
@@ -19,12 +19,12 @@ class Runs:
     chart; start, stop: (n,) columns.
     """
 
-    row: Ints
-    start: Ints
-    stop: Ints
+    row: Rows
+    start: Rows
+    stop: Rows
 
     @classmethod
-    def joined(cls, row: Ints, start: Ints, stop: Ints, rows: int) -> Runs:
+    def joined(cls, row: Rows, start: Rows, stop: Rows, rows: int) -> Runs:
         """Runs in any order, those that meet or overlap as one; rows: how many there are."""
         order = np.argsort(start, kind="stable")
         order = order[stable_order(row[order], rows)]
@@ -46,8 +46,8 @@ class Cover:
     """
 
     uv: Doubles
-    faces: Ints
-    chart: Ints
+    faces: Rows
+    chart: Rows
 
 
 def cover(charts: Charts, cell: int, size: Doubles, boxed: Bools) -> Cover:
@@ -63,17 +63,19 @@ def cover(charts: Charts, cell: int, size: Doubles, boxed: Bools) -> Cover:
         own = np.flatnonzero(~boxed[charts.chart_of_face[some]]) + some.start
         corners = charts.uv[charts.faces[own]] / cell
         parts.append(_touched(corners, first[charts.chart_of_face[own]], int(height.sum())))
-    whole = [np.concatenate([getattr(p, n) for p in parts]) for n in ("row", "start", "stop")]
-    runs = Runs.joined(*whole, int(height.sum()))
+    row = np.concatenate([part.row for part in parts])
+    start = np.concatenate([part.start for part in parts])
+    stop = np.concatenate([part.stop for part in parts])
+    runs = Runs.joined(row, start, stop, int(height.sum()))
     return _triangles(runs, np.repeat(np.arange(len(height)), height), first)
 
 
-def _rectangles(columns: Ints, height: Ints, first: Ints) -> Runs:
+def _rectangles(columns: Rows, height: Rows, first: Rows) -> Runs:
     owner, row = ranges(first, first + height)
     return Runs(row, np.zeros(len(row), np.int64), columns[owner])
 
 
-def _touched(corners: Doubles, first: Ints, rows: int) -> Runs:
+def _touched(corners: Doubles, first: Rows, rows: int) -> Runs:
     """The cells that triangles (f, 3, 2) touch. first: (f,) number of the row at height 0."""
     y = corners[..., 1]
     low = np.floor(y.min(axis=1)).astype(np.int64)
@@ -95,7 +97,7 @@ def _touched(corners: Doubles, first: Ints, rows: int) -> Runs:
     return Runs.joined(first[owner] + row, start, stop, rows)
 
 
-def _triangles(runs: Runs, chart_of_row: Ints, first: Ints) -> Cover:
+def _triangles(runs: Runs, chart_of_row: Rows, first: Rows) -> Cover:
     """Each run between the ends of all runs at its lower and its upper border."""
     chart = chart_of_row[runs.row]
     lower = runs.row + chart  # a chart has one border more than rows

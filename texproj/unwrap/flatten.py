@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from texproj.arrays import Bools, Doubles, Ints, Rows
+from texproj.arrays import Bools, Doubles, Rows
 from texproj.mesh import Mesh, by_blocks, face_areas, face_cross, norms
 from texproj.options import UnwrapOptions
 from texproj.unwrap.chart_overlap import doubled
@@ -112,7 +112,7 @@ def _averaged(old: Doubles, faces: Rows, moving: Bools) -> Doubles:
     return uv
 
 
-def _folded(mesh: Mesh, charts: Charts, rows: Ints) -> Bools:
+def _folded(mesh: Mesh, charts: Charts, rows: Rows) -> Bools:
     """(k,) of the faces in rows, those turned over, or stretched like a face at the steepest
     angle allowed.
     """
@@ -138,7 +138,7 @@ def _row_height(charts: Charts, area: Doubles, density: Doubles) -> Doubles:
     return 0.5 * total / np.maximum(texels, 1e-300)
 
 
-def _cut_off(mesh: Mesh, faces: Rows, labels: Ints, bad: Bools, graph: DualGraph) -> Ints:
+def _cut_off(mesh: Mesh, faces: Rows, labels: Rows, bad: Bools, graph: DualGraph) -> Rows:
     """(n,) connected labels in which the bad faces are regions of their own."""
     rows = np.flatnonzero(bad)
     inner = graph.restricted(rows)
@@ -149,7 +149,7 @@ def _cut_off(mesh: Mesh, faces: Rows, labels: Ints, bad: Bools, graph: DualGraph
     return connected(labels, graph)
 
 
-def _halved(mesh: Mesh, charts: Charts, layered: Bools) -> Ints | Rows:
+def _halved(mesh: Mesh, charts: Charts, layered: Bools) -> Rows:
     """(n,) labels in which each layered chart is cut at half its height above its plane."""
     if not layered.any():
         return charts.chart_of_face

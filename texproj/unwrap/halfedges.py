@@ -4,10 +4,7 @@ pass over them where comparing takes many.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from texproj.arrays import Bools, Rows
@@ -16,7 +13,7 @@ SPARSE = 4
 """Possible keys for each that there is from which comparing is faster than counting."""
 
 
-def stable_order(keys: NDArray[np.integer[Any]], count: int) -> Rows:
+def stable_order(keys: Rows, count: int) -> Rows:
     """(n,) the rows of (n,) keys in ascending order, equal ones as they come; 0 <= keys < count.
 
     A matrix with one entry a row turns from rows to columns by counting (scipy).
@@ -30,8 +27,8 @@ def stable_order(keys: NDArray[np.integer[Any]], count: int) -> Rows:
 
 
 def ordered(
-    major: NDArray[np.integer[Any]],
-    minor: NDArray[np.integer[Any]],
+    major: Rows,
+    minor: Rows,
     majors: int,
     minors: int,
 ) -> tuple[Rows, Bools]:
@@ -47,7 +44,7 @@ def ordered(
     return order, new
 
 
-def half_edges(faces: NDArray[np.integer[Any]]) -> tuple[Rows, Rows]:
+def half_edges(faces: Rows) -> tuple[Rows, Rows]:
     """(3 F,) first and last vertex of each side of (F, 3) faces, face by face."""
     faces = faces.astype(np.int32, copy=False)
     return faces.ravel(), faces[:, [1, 2, 0]].ravel()

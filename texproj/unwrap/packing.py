@@ -8,7 +8,7 @@ import numpy as np
 import xatlas
 from numpy.typing import NDArray
 
-from texproj.arrays import Doubles, Ints
+from texproj.arrays import Doubles, Rows
 from texproj.errors import RenderError
 from texproj.unwrap.charts import Charts, extents
 from texproj.unwrap.covers import cover
@@ -29,7 +29,7 @@ class Placement:
     """
 
     uv: Doubles
-    page_of_chart: Ints
+    page_of_chart: Rows
     page_sizes: tuple[tuple[int, int], ...]
 
 
@@ -64,15 +64,15 @@ class _Proxy:
     """
 
     uv: Doubles
-    faces: Ints
-    chart: Ints
+    faces: Rows
+    chart: Rows
     apart: Doubles
 
 
 @dataclass(frozen=True, eq=False)
 class _Placed:
     uv: Doubles  # (P, 2) cells
-    page: Ints  # (P,)
+    page: Rows  # (P,)
 
 
 def _of_cells(charts: Charts, cell: int, boxed: NDArray[np.bool_]) -> _Proxy:
@@ -139,7 +139,7 @@ def _xatlas(proxy: _Proxy, gap: int, resolution: int) -> tuple[_Placed, int, int
 
 def _transfer(
     charts: Charts, cell: int, proxy: _Proxy, placed: _Placed
-) -> tuple[Doubles, Ints, NDArray[np.bool_]]:
+) -> tuple[Doubles, Rows, NDArray[np.bool_]]:
     """All uv in cells under the map of each chart's proxy; page of each chart; which failed.
 
     xatlas turns a chart by exchanging x and y, then stretches each side by less than a cell.
@@ -165,7 +165,7 @@ def _transfer(
     return uv, placed.page[starts], (error > 0.01) | (growth > 1.001)
 
 
-def _finish(charts: Charts, uv: Doubles, page_of_uv: Ints, border: int) -> Placement:
+def _finish(charts: Charts, uv: Doubles, page_of_uv: Rows, border: int) -> Placement:
     uv = uv + border
     sizes = []
     for number in range(int(page_of_uv.max()) + 1):
@@ -176,7 +176,7 @@ def _finish(charts: Charts, uv: Doubles, page_of_uv: Ints, border: int) -> Place
 
 def _on_trays(
     charts: Charts, padding_px: int, page_size: int
-) -> tuple[Charts, Ints, NDArray[np.bool_]]:
+) -> tuple[Charts, Rows, NDArray[np.bool_]]:
     """Small charts laid on common trays, which then count as one chart each.
 
     xatlas tries positions at random, which takes long for thousands of specks. Returns the
@@ -207,7 +207,7 @@ def _on_trays(
     return moved, rows, np.arange(count) >= len(own)
 
 
-def _shelves(size: Doubles, side: float) -> tuple[Ints, Doubles]:
+def _shelves(size: Doubles, side: float) -> tuple[Rows, Doubles]:
     """(n,) tray and (n, 2) corner of rectangles in rows on square trays, tallest first."""
     tray = np.zeros(len(size), np.int64)
     corner = np.zeros((len(size), 2))

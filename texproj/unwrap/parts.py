@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from texproj.arrays import Doubles, Ints, Rows
+from texproj.arrays import Doubles, Rows
 from texproj.mesh import Mesh, face_cross, norms
 from texproj.options import UnwrapOptions
 from texproj.unwrap.charts import plane_axes
@@ -47,7 +47,7 @@ class Part:
 
     faces: Rows
     graph: DualGraph
-    labels: Ints
+    labels: Rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class Regions:
     labels: (F,) region of each face; whole: the surface as one part, None where it is too large.
     """
 
-    labels: Ints | Rows
+    labels: Rows
     whole: Part | None
 
     @classmethod
@@ -89,7 +89,7 @@ class Regions:
             yield Part(faces, graph, _less_steep(normals, graph, labels))
 
 
-def _less_steep(normals: Doubles, graph: DualGraph, labels: Ints) -> Ints:
+def _less_steep(normals: Doubles, graph: DualGraph, labels: Rows) -> Rows:
     """(n,) connected regions: steep faces at borders moved to the neighbor where they are less
     steep. normals: (n, 3) of length area.
     """
@@ -138,7 +138,7 @@ class _Block:
     """
 
     graph: DualGraph
-    labels: Ints
+    labels: Rows
     sums: Doubles
     alone: tuple[Rows, Rows, Rows]
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from texproj.arrays import Doubles, Ints, Rows
+from texproj.arrays import Doubles, Rows
 from texproj.mesh import Mesh, norms
 from texproj.unwrap.halfedges import half_edges, opposite
 
@@ -31,11 +31,11 @@ class DualGraph:
     pairs: Rows
     lengths: Doubles
 
-    def within(self, labels: Ints | Rows) -> NDArray[np.bool_]:
+    def within(self, labels: Rows) -> NDArray[np.bool_]:
         """(E,) whether both faces have the same label."""
         return labels[self.pairs[:, 0]] == labels[self.pairs[:, 1]]
 
-    def restricted(self, rows: Ints) -> DualGraph:
+    def restricted(self, rows: Rows) -> DualGraph:
         """The graph of some faces only, renumbered in the given order."""
         count = max(int(self.pairs.max(initial=-1)), int(rows.max(initial=-1))) + 1
         number = np.full(count, -1, np.int32)
@@ -95,7 +95,7 @@ def _symmetric(weights: Doubles, graph: DualGraph, count: int) -> sparse.csr_arr
 
 def grow_regions(
     normals: Doubles, area: Doubles, pairs: Rows, lengths: Doubles, flatness: float
-) -> Ints:
+) -> Rows:
     """(F,) int64 labels 0..n-1 of connected regions grown by merging neighbors.
 
     normals: (F, 3) of faces or regions to start with, of length area where these are flat; area:
@@ -119,7 +119,7 @@ def grow_regions(
     return labels
 
 
-def connected(labels: Ints, graph: DualGraph) -> Ints:
+def connected(labels: Rows, graph: DualGraph) -> Rows:
     """(F,) int64 labels 0..n-1 of the connected parts of the regions."""
     pairs = graph.pairs[graph.within(labels)]
     count = len(labels)
@@ -127,7 +127,7 @@ def connected(labels: Ints, graph: DualGraph) -> Ints:
     return connected_components(links, directed=False)[1].astype(np.int64)
 
 
-def sum_by_label(values: Doubles, labels: Ints, count: int) -> Doubles:
+def sum_by_label(values: Doubles, labels: Rows, count: int) -> Doubles:
     """(count, k) sums of (F, k) values over equal labels."""
     sums = [np.bincount(labels, column, count) for column in values.T]
     return np.stack(sums, axis=1)
@@ -135,7 +135,7 @@ def sum_by_label(values: Doubles, labels: Ints, count: int) -> Doubles:
 
 @dataclass(frozen=True, eq=False)
 class _Borders:
-    pairs: Ints
+    pairs: Rows
     lengths: Doubles
 
     def keep(self, mask: NDArray[np.bool_]) -> _Borders:
@@ -155,7 +155,7 @@ class _Regions:
         cost = rise + COMPACTNESS * np.minimum(self.area[i], self.area[j])
         return cost / borders.lengths, joint >= flatness * (self.area[i] + self.area[j])
 
-    def merged(self, into: Ints) -> _Regions:
+    def merged(self, into: Rows) -> _Regions:
         count = int(into.max()) + 1
         return _Regions(
             sum_by_label(self.normals, into, count),
@@ -163,7 +163,7 @@ class _Regions:
         )
 
 
-def _merge_parallel(pairs: Ints | Rows, lengths: Doubles, count: int) -> _Borders:
+def _merge_parallel(pairs: Rows, lengths: Doubles, count: int) -> _Borders:
     """Borders between different regions, one for each pair of regions."""
     low, high = np.minimum(*pairs.T), np.maximum(*pairs.T)
     real = low != high
@@ -177,7 +177,7 @@ def _merge_parallel(pairs: Ints | Rows, lengths: Doubles, count: int) -> _Border
     return _Borders(np.stack([key[first] // count, key[first] % count], axis=1), total)
 
 
-def _best_neighbor(pairs: Ints, cost: Doubles, count: int) -> Ints:
+def _best_neighbor(pairs: Rows, cost: Doubles, count: int) -> Rows:
     """(count,) the cheapest neighbor of each region, itself where it has none; a hash decides
     between equal costs.
     """
@@ -196,7 +196,7 @@ def _best_neighbor(pairs: Ints, cost: Doubles, count: int) -> Ints:
     return target
 
 
-def _joined(target: Ints, area: Doubles) -> Ints:
+def _joined(target: Rows, area: Doubles) -> Rows:
     """(n,) labels 0..m-1 after regions that chose each other merged, and small ones joined the
     large region of their choice.
     """

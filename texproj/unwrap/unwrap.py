@@ -14,9 +14,10 @@ from texproj.mesh import Mesh, face_areas
 from texproj.options import UnwrapOptions
 from texproj.unwrap.atlas import Atlas
 from texproj.unwrap.charts import Charts, extents, select, upright
-from texproj.unwrap.flatten import Regions, flatten
+from texproj.unwrap.flatten import flatten
 from texproj.unwrap.packing import Placement
 from texproj.unwrap.pages import atlas_of, first_scale, on_pages
+from texproj.unwrap.parts import Regions
 from texproj.unwrap.regions import dual_graph
 from texproj.unwrap.stretch import flat_areas
 
