@@ -26,8 +26,8 @@ at most half of the padding."""
 
 
 MOST_FRAMES = 1 << 20
-"""Faces of which all maps from page to surface are kept, 44 bytes each; of more, those of one row of
-tiles after the other."""
+"""Faces of which all maps from page to surface are kept, 44 bytes each; of more, those of one row
+of tiles after the other."""
 
 
 class Tile(NamedTuple):
