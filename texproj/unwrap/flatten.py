@@ -7,6 +7,7 @@ import numpy as np
 from texproj.arrays import Bools, Doubles, Rows
 from texproj.mesh import Mesh, by_blocks, face_areas, face_cross, norms
 from texproj.options import UnwrapOptions
+from texproj.resources.memory import trim
 from texproj.unwrap.chart_overlap import doubled
 from texproj.unwrap.charts import (
     Charts,
@@ -41,6 +42,7 @@ def flatten(
     finished: list[Charts] = []
     for part in regions.parts(mesh):
         overlaps += _flatten_part(mesh, part, area, density, finished)
+        trim()
     return join(finished), overlaps
 
 

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from texproj.arrays import Doubles, Rows
 from texproj.errors import RenderError
+from texproj.mesh import by_blocks
 from texproj.unwrap.charts import Charts, extents
 from texproj.unwrap.covers import cover
+from texproj.unwrap.halfedges import stable_order
 from texproj.unwrap.stretch import flat_areas
 
 SMALL_PX, TRAY_PX = 32.0, 256  # longest chart that goes on a tray, side of a tray
@@ -159,19 +161,26 @@ def _transfer(
     swapped = np.where(np.abs(e0 - e1) > 0.01, e1 < e0, g1 < g0)
     scale = np.where(swapped[:, None], s1, s0)
     growth, error = np.where(swapped, g1, g0), np.where(swapped, e1, e0)
-    uv = charts.uv / cell - low[charts.chart_of_uv]
-    uv = np.where(swapped[charts.chart_of_uv, None], uv[:, ::-1], uv)
-    uv = uv * scale[charts.chart_of_uv] + new_low[charts.chart_of_uv]
+
+    def moved(rows: slice) -> Doubles:
+        chart = charts.chart_of_uv[rows]
+        uv = charts.uv[rows] / cell - low[chart]
+        uv = np.where(swapped[chart, None], uv[:, ::-1], uv)
+        return uv * scale[chart] + new_low[chart]
+
+    uv = by_blocks(len(charts.uv), moved)
     return uv, placed.page[starts], (error > 0.01) | (growth > 1.001)
 
 
 def _finish(charts: Charts, uv: Doubles, page_of_uv: Rows, border: int) -> Placement:
     uv = uv + border
     sizes = []
-    for number in range(int(page_of_uv.max()) + 1):
-        width, height = np.ceil(uv[page_of_uv == number].max(axis=0)).astype(int) + border
+    page_of_chart = page_of_uv[charts.starts]
+    corner = np.maximum.reduceat(uv, charts.starts)
+    for number in range(int(page_of_chart.max()) + 1):
+        width, height = np.ceil(corner[page_of_chart == number].max(axis=0)).astype(int) + border
         sizes.append((int(width), int(height)))
-    return Placement(uv, page_of_uv[charts.starts], tuple(sizes))
+    return Placement(uv, page_of_chart, tuple(sizes))
 
 
 def _on_trays(
@@ -186,18 +195,19 @@ def _on_trays(
     small = np.flatnonzero(size.max(axis=1) <= min(SMALL_PX, page_size / 8))
     tray, corner = _shelves(size[small] + padding_px, min(TRAY_PX, page_size // 2))
     own = np.delete(np.arange(charts.count), small)
-    bundle = np.empty(charts.count, np.int64)
+    bundle = np.empty(charts.count, np.int32)
     bundle[own] = np.arange(len(own))
     bundle[small] = len(own) + tray
     count = len(own) + int(tray.max(initial=-1)) + 1
     offset = np.zeros((charts.count, 2))
     offset[small] = corner
     of_uv = bundle[charts.chart_of_uv]
-    order = np.argsort(of_uv, kind="stable")
-    rows = np.argsort(order)
+    order = stable_order(of_uv, count)
+    rows = np.empty(len(order), np.int32)
+    rows[order] = np.arange(len(order), dtype=np.int32)
     moved = replace(
         charts,
-        uv=(charts.uv + offset[charts.chart_of_uv])[order],
+        uv=charts.uv[order] + offset[charts.chart_of_uv[order]],
         faces=rows[charts.faces],
         vertex_of_uv=charts.vertex_of_uv[order],
         chart_of_uv=of_uv[order],

@@ -12,6 +12,7 @@ import numpy as np
 from texproj.arrays import Doubles, Rows
 from texproj.mesh import Mesh, face_cross, norms
 from texproj.options import UnwrapOptions
+from texproj.resources.memory import trim
 from texproj.unwrap.charts import plane_axes
 from texproj.unwrap.halfedges import half_edges, opposite
 from texproj.unwrap.regions import (
@@ -122,6 +123,7 @@ def _grown_by_blocks(mesh: Mesh) -> Rows:
         areas.append(block.sums[:, 3])
         alone.append(np.stack([*block.alone[:2], labels[rows][block.alone[2]]]))
         count += len(block.sums)
+        trim()
     start, end, region = np.concatenate(alone, axis=1)
     one, two = opposite(start, end, len(mesh.vertices))
     pairs.append(np.stack([region[one], region[two]], axis=1))

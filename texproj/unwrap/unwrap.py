@@ -12,6 +12,7 @@ from texproj.arrays import Doubles
 from texproj.errors import InputError
 from texproj.mesh import Mesh, face_areas
 from texproj.options import UnwrapOptions
+from texproj.resources.memory import trim
 from texproj.unwrap.atlas import Atlas
 from texproj.unwrap.charts import Charts, extents, select, upright
 from texproj.unwrap.flatten import flatten
@@ -46,6 +47,7 @@ def unwrap(
     density = np.broadcast_to(np.asarray(texels_per_unit, np.float64), len(mesh.faces))
     regions = regions or Regions.of(mesh, options)
     flat, overlaps = flatten(mesh, regions, density, options)
+    trim()
     charts = at_density(mesh, flat, density)
     charts, scale, placement = _fit(mesh, charts, options)
     return atlas_of(mesh, charts, placement, scale, overlaps, options)
