@@ -9,7 +9,7 @@ from test_solve_joint import ALL, surface, three_cameras
 from texproj.camera import Camera
 from texproj.register.joint.frame import Similarity, certainty, common_similarity, frame_px
 from texproj.register.joint.holding import Picks, held_by_picks
-from texproj.register.joint.lone import contradicted
+from texproj.register.joint.lone import contradicted, far_apart
 from texproj.solve.joint import Ties
 
 CENTER = np.array([0.1, -0.2, 0.0])
@@ -120,12 +120,24 @@ def test_a_photo_whose_partners_contradict_each_other_is_named_and_a_noisy_one_i
     apart[(to == 1) | (source == 1)] *= 5
     fixed = np.zeros(5, bool)
 
-    assert contradicted(ties, apart, fixed) is None
+    assert contradicted(ties, apart, fixed) == []
     for j in (0, 1, 2, 4):
         direction = rng.normal(0, 1, 2)
         apart[((to == 3) & (source == j)) | ((to == j) & (source == 3))] += (
             0.6 * direction / np.linalg.norm(direction)
         )
-    number, reason = contradicted(ties, apart, fixed)
+    number, reason = contradicted(ties, apart, fixed)[0]
     assert number == 3 and "contradicts" in reason
-    assert contradicted(ties, apart, np.arange(5) == 3) is None
+    assert contradicted(ties, apart, np.arange(5) == 3) == []
+
+
+def test_contradictions_far_apart_are_looked_at_together():
+    """On a line of photos, each compared with the next: 5 and 9 have no partner in common with 1
+    or each other, 3 has one with 1. Where all are compared with all, one at a time.
+    """
+    lone = [(1, "a"), (3, "b"), (5, "c"), (9, "d")]
+    line = [(k, k + 1) for k in range(11)]
+    everybody = [(i, j) for i in range(11) for j in range(i)]
+
+    assert [k for k, _ in far_apart(lone, line)] == [1, 5, 9]
+    assert [k for k, _ in far_apart(lone, everybody)] == [1]
