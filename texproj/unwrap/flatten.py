@@ -20,7 +20,7 @@ from texproj.unwrap.charts import (
 )
 from texproj.unwrap.parts import FLATNESS, STEEPEST_DEG, Part, Regions
 from texproj.unwrap.regions import DualGraph, connected, grow_regions, sum_by_label
-from texproj.unwrap.stretch import signed_areas, stretch
+from texproj.unwrap.stretch import signed_area, stretch
 
 RELAXATIONS = 4  # rounds in which corners of folded faces move between their neighbors
 SMALL_OVERLAP = 0.03  # of a chart's area: less is peeled from its border, more halves the chart
@@ -52,7 +52,7 @@ def _flatten_part(
     """Append the upright charts of a part; how many had to be cut for overlaps."""
     faces, graph, labels, overlaps = part.faces, part.graph, part.labels, 0
     for number in range(MOST_ROUNDS):
-        charts, bad = _unfolded(mesh, project(mesh, faces, labels))
+        charts, bad = _unfolded(mesh, area, project(mesh, faces, labels))
         kept = np.flatnonzero(~bad)
         inner = graph.restricted(kept)
         flat = select(charts, kept, inner)  # folded faces would wind backwards
@@ -80,14 +80,14 @@ def _flatten_part(
     return overlaps
 
 
-def _unfolded(mesh: Mesh, charts: Charts) -> tuple[Charts, Bools]:
+def _unfolded(mesh: Mesh, area: Doubles, charts: Charts) -> tuple[Charts, Bools]:
     """The charts with the inner corners of folded faces moved to the middle of their neighbors,
     and (n,) the faces that are still folded.
 
     Removes the folds that noise makes in a flat region, where cutting would shatter it.
     """
     every = np.arange(len(charts.faces))
-    bad = _folded(mesh, charts, every)
+    bad = _folded(mesh, area, charts, every)
     free = np.ones(len(charts.uv), bool)
     free[border_edges(charts)] = False
     for _ in range(RELAXATIONS):
@@ -98,7 +98,7 @@ def _unfolded(mesh: Mesh, charts: Charts) -> tuple[Charts, Bools]:
             break
         touched = np.flatnonzero(moving[charts.faces].any(axis=1))
         charts = charts.with_uv(_averaged(charts.uv, charts.faces[touched], moving))
-        bad[touched] = _folded(mesh, charts, touched)
+        bad[touched] = _folded(mesh, area, charts, touched)
     return charts, bad
 
 
@@ -114,20 +114,17 @@ def _averaged(old: Doubles, faces: Rows, moving: Bools) -> Doubles:
     return uv
 
 
-def _folded(mesh: Mesh, charts: Charts, rows: Rows) -> Bools:
+def _folded(mesh: Mesh, area: Doubles, charts: Charts, rows: Rows) -> Bools:
     """(k,) of the faces in rows, those turned over, or stretched like a face at the steepest
-    angle allowed.
+    angle allowed. area: (F,) of the mesh's faces.
     """
     limit = np.cos(np.radians(STEEPEST_DEG))
 
     def of_block(part: slice) -> Bools:
         some = rows[part]
-        corners = mesh.vertices[mesh.faces[charts.face_of_mesh[some]]]
-        area = signed_areas(charts.uv, charts.faces[some])
-        ratio = stretch(corners, charts.uv[charts.faces[some]])
-        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        true_area = np.linalg.norm(cross, axis=1) / 2
-        return (area < limit * true_area) | (ratio * limit > 1)
+        face, flat = charts.face_of_mesh[some], charts.uv[charts.faces[some]]
+        ratio = stretch(mesh.vertices[mesh.faces[face]], flat)
+        return (signed_area(flat) < limit * area[face]) | (ratio * limit > 1)
 
     return by_blocks(len(rows), of_block)
 
