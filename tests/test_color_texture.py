@@ -49,6 +49,14 @@ def texels(mesh, atlas):
     scratch.close()
 
 
+def test_texels_lie_the_same_where_faces_are_too_many_to_keep_all_maps(textured, monkeypatch):
+    mesh, texture = textured
+    usual = list(texels(mesh, texture.atlas))
+    monkeypatch.setattr("texproj.color.points.texels.MOST_FRAMES", 0)
+    for one, other in zip(usual, texels(mesh, texture.atlas), strict=True):
+        assert all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
+
+
 def test_texels_have_the_colors_of_the_surface(textured):
     """Where several photos see a texel, it has the pattern's color within 8-bit rounding."""
     mesh, texture = textured

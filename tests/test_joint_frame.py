@@ -1,5 +1,7 @@
 """Where all photos lie together on the mesh: how it is told, how picks hold it; photos apart."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 from test_solve_joint import ALL, surface, three_cameras
@@ -7,7 +9,7 @@ from test_solve_joint import ALL, surface, three_cameras
 from texproj.camera import Camera
 from texproj.register.joint.frame import Similarity, certainty, common_similarity, frame_px
 from texproj.register.joint.holding import Picks, held_by_picks
-from texproj.register.joint.lone import contradicted
+from texproj.register.joint.lone import contradicted, far_apart
 from texproj.solve.joint import Ties
 
 CENTER = np.array([0.1, -0.2, 0.0])
@@ -52,18 +54,32 @@ def test_the_common_motion_is_found_among_others():
     assert [found.log_scale, *found.rotation, *found.shift] == pytest.approx(MOTION, abs=2e-5)
 
 
+@dataclass
+class Whole:
+    """A covariance with all its numbers."""
+
+    matrix: np.ndarray
+
+    def times(self, columns):
+        return self.matrix @ columns
+
+    def of_camera(self, k, lens):
+        own = np.concatenate([6 * k + np.arange(6), 18 + lens])
+        return self.matrix[np.ix_(own, own)]
+
+
 def test_what_all_share_is_frame_and_the_rest_agreement():
     """Only a common motion is unsure: no disagreement; each camera by itself: both."""
     cameras, points = three_cameras(), seen()
     free = np.ones(3, bool)
-    alone = certainty(cameras, points, ALL, free, np.eye(18 + ALL.count) * 1e-8)
+    alone = certainty(cameras, points, ALL, free, Whole(np.eye(18 + ALL.count) * 1e-8))
     change = np.zeros((18 + ALL.count, 7))
     for column, h in enumerate(np.eye(7) * 1e-5):
         for k, camera in enumerate(moved(cameras, h)):
             turn = camera.pose.R @ cameras[k].pose.R.T
             change[6 * k : 6 * k + 3, column] = turn[2, 1], turn[0, 2], turn[1, 0]
             change[6 * k + 3 : 6 * k + 6, column] = camera.pose.t - turn @ cameras[k].pose.t
-    common = certainty(cameras, points, ALL, free, change @ change.T)
+    common = certainty(cameras, points, ALL, free, Whole(change @ change.T))
 
     assert min(alone.agreement_px) > 0.02
     assert max(common.agreement_px) < 1e-2 * min(
@@ -104,12 +120,24 @@ def test_a_photo_whose_partners_contradict_each_other_is_named_and_a_noisy_one_i
     apart[(to == 1) | (source == 1)] *= 5
     fixed = np.zeros(5, bool)
 
-    assert contradicted(ties, apart, fixed) is None
+    assert contradicted(ties, apart, fixed) == []
     for j in (0, 1, 2, 4):
         direction = rng.normal(0, 1, 2)
         apart[((to == 3) & (source == j)) | ((to == j) & (source == 3))] += (
             0.6 * direction / np.linalg.norm(direction)
         )
-    number, reason = contradicted(ties, apart, fixed)
+    number, reason = contradicted(ties, apart, fixed)[0]
     assert number == 3 and "contradicts" in reason
-    assert contradicted(ties, apart, np.arange(5) == 3) is None
+    assert contradicted(ties, apart, np.arange(5) == 3) == []
+
+
+def test_contradictions_far_apart_are_looked_at_together():
+    """On a line of photos, each compared with the next: 5 and 9 have no partner in common with 1
+    or each other, 3 has one with 1. Where all are compared with all, one at a time.
+    """
+    lone = [(1, "a"), (3, "b"), (5, "c"), (9, "d")]
+    line = [(k, k + 1) for k in range(11)]
+    everybody = [(i, j) for i in range(11) for j in range(i)]
+
+    assert [k for k, _ in far_apart(lone, line)] == [1, 5, 9]
+    assert [k for k, _ in far_apart(lone, everybody)] == [1]

@@ -11,6 +11,7 @@ from scipy import ndimage
 from texproj.errors import InputError
 from texproj.mesh import Mesh, face_areas
 from texproj.options import UnwrapOptions
+from texproj.unwrap import parts
 from texproj.unwrap.unwrap import unwrap
 
 OPTIONS = UnwrapOptions()
@@ -142,6 +143,22 @@ def test_sphere():
     assert 1 < atlas.stats.stretch_median < 1.15
     assert atlas.stats.stretch_p95 < 1.5
     assert 0.999 <= check(mesh, atlas, 60) <= 1.1
+
+
+@pytest.mark.parametrize("density", [60.0, 25.0])
+def test_a_large_surface_is_unwrapped_part_by_part(monkeypatch, density):
+    """A sphere in parts of a fifth: hardly more charts than whole; at 25 texels a unit its faces
+    are smaller than the cells in which charts are packed.
+    """
+    ball = trimesh.creation.icosphere(4)
+    mesh = Mesh(ball.vertices, ball.faces)
+    whole = unwrap(mesh, density, OPTIONS)
+    monkeypatch.setattr(parts, "MOST_FACES", 1000)
+    atlas = unwrap(mesh, density, OPTIONS)
+    assert atlas.stats.charts <= 1.5 * whole.stats.charts
+    assert atlas.stats.stretch_p95 < 1.5
+    assert atlas.stats.packed_fraction > 0.75 * whole.stats.packed_fraction
+    assert 0.999 <= check(mesh, atlas, density) <= 1.15
 
 
 def test_disconnected_pieces_share_no_chart():

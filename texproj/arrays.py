@@ -1,5 +1,7 @@
 """Names of numpy arrays by what they hold: one meaning each, in all of texproj."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +16,9 @@ Ints = NDArray[np.int64]
 
 Index = NDArray[np.intp]
 """Rows of another array."""
+
+Rows = NDArray[np.signedinteger[Any]]
+"""The same, or labels, in int32 where there are as many as a mesh has faces: half the memory."""
 
 Bools = NDArray[np.bool_]
 """Yes or no for each of something."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import islice
 from typing import Any
 
@@ -32,10 +33,12 @@ class Mesh:
         object.__setattr__(self, "vertices", vertices)
         object.__setattr__(self, "faces", faces)
 
-    @property
+    @cached_property
     def bounds(self) -> NDArray[np.float64]:
         """(2, 3) smallest and largest coordinates of the vertices."""
-        return np.stack([self.vertices.min(0), self.vertices.max(0)])
+        bounds = np.stack([self.vertices.min(0), self.vertices.max(0)])
+        bounds.flags.writeable = False
+        return bounds
 
     @property
     def center(self) -> NDArray[np.float64]:

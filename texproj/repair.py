@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from texproj.errors import InputError
 from texproj.layout import Layout
-from texproj.mesh import Mesh, MeshSource, by_blocks, norms
+from texproj.mesh import Mesh, MeshSource, blocks, by_blocks, norms
 
 Index = NDArray[np.int64]
 Bools = NDArray[np.bool_]
@@ -42,19 +43,24 @@ def repair(vertices: ArrayLike, faces: ArrayLike, layout: Layout | None = None) 
     welded = first_equal_rows(np.where(finite[:, None], source, 0.0) + 0.0)
     welded[~finite] = -1
     valid, repairs = _valid_faces(source, given, welded)
-    kept = given[valid].astype(np.int32)
+    kept = (given if len(valid) == len(given) else given[valid]).astype(np.int32, copy=False)
     if not len(kept):
         told = ", ".join(f"{count} {name}" for name, count in repairs.items() if count)
         raise InputError(f"the mesh has no usable face: {told}")
     used = np.zeros(len(source), bool)
-    used[welded[kept]] = True
-    new_index = np.cumsum(used) - 1
-    vertex_of_source = np.where(
-        (welded >= 0) & used[welded], new_index[welded], -1
-    ).astype(np.int32)  # fmt: skip
+    for rows in blocks(len(kept)):
+        used[welded[kept[rows]]] = True
     repairs = _vertex_counts(finite, welded, used) | repairs
     kept_layout = layout and layout.of_faces(valid)
-    mesh = Mesh(source[used], vertex_of_source[kept], kept_layout)
+    if used.all():  # the file's own arrays, once in memory
+        vertex_of_source = np.arange(len(source), dtype=np.int32)
+        mesh = Mesh(source, kept, kept_layout)
+    else:
+        new_index = np.cumsum(used) - 1
+        vertex_of_source = np.where(
+            (welded >= 0) & used[welded], new_index[welded], -1
+        ).astype(np.int32)  # fmt: skip
+        mesh = Mesh(source[used], vertex_of_source[kept], kept_layout)
     done = {name: count for name, count in repairs.items() if count}
     return MeshSource(mesh, source, kept, vertex_of_source, done, _precision(mesh))
 
@@ -78,19 +84,31 @@ def _precision(mesh: Mesh) -> tuple[str, ...]:
     )
 
 
-def first_equal_rows(rows: NDArray[np.float64] | Index) -> Index:
-    """(n,) for each of (n, k) 8-byte rows the index of the first row that is bitwise equal.
+def first_equal_rows(rows: NDArray[np.float64] | NDArray[np.integer[Any]]) -> Index:
+    """(n,) for each of (n, k) rows the index of the first row that is bitwise equal.
 
     Ours: sorted by a 64-bit hash, then compared; a hash collision (odds 1e-7 for a million rows)
     could at worst leave an equal pair unfound.
     """
-    words = np.ascontiguousarray(rows).view(np.uint64)
-    order = np.argsort(_hash(words), kind="stable")
-    same = (words[order[1:]] == words[order[:-1]]).all(axis=1)
-    starts = np.concatenate([[True], ~same])[: len(words)]
-    result = np.empty(len(words), np.int64)
+    hashes = by_blocks(len(rows), lambda part: _hash(_words(rows[part])))
+    order = np.argsort(hashes, kind="stable")
+    hashes = hashes[order]
+    alike = np.flatnonzero(hashes[1:] == hashes[:-1])
+    one, two = _words(rows[order[alike]]), _words(rows[order[alike + 1]])
+    alike = alike[(one == two).all(axis=1)]
+    if not len(alike):
+        return np.arange(len(rows))
+    starts = np.ones(len(rows), bool)
+    starts[alike + 1] = False
+    result = np.empty(len(rows), np.int64)
     result[order] = order[starts][np.cumsum(starts) - 1]
     return result
+
+
+def _words(rows: NDArray[Any]) -> NDArray[np.uint64]:
+    """(n, k) the same rows as 64 bits each."""
+    wide = rows if rows.itemsize == 8 else rows.astype(np.int64)
+    return np.ascontiguousarray(wide).view(np.uint64)
 
 
 def _hash(words: NDArray[np.uint64]) -> NDArray[np.uint64]:
@@ -114,28 +132,30 @@ def _valid_faces(
     def keep(good: Bools, name: str) -> None:
         nonlocal rows
         repairs[name] = int(len(good) - np.count_nonzero(good))
-        rows = rows[good]
+        rows = rows if not repairs[name] else rows[good]
 
-    keep(np.asarray(((faces >= 0) & (faces < len(source))).all(axis=1)), "faces out of range")
-    keep((welded[faces[rows]] >= 0).all(axis=1), "faces with non-finite vertices")
-    keep(_has_area(source, welded[faces[rows]]), "degenerate faces")
-    corners = np.sort(welded[faces[rows]], axis=1)
+    def each(of_faces: Callable[[NDArray[np.integer[Any]]], NDArray[Any]]) -> NDArray[Any]:
+        return by_blocks(len(rows), lambda part: of_faces(faces[rows[part]]))
+
+    keep(
+        each(lambda some: np.asarray(((some >= 0) & (some < len(source))).all(axis=1))),
+        "faces out of range",
+    )
+    keep(each(lambda some: ~(welded[some] < 0).any(axis=1)), "faces with non-finite vertices")
+    keep(each(lambda some: _has_area(source, welded[some])), "degenerate faces")
+    corners = each(lambda some: np.sort(welded[some].astype(np.int32), axis=1))
     keep(first_equal_rows(corners) == np.arange(len(corners)), "duplicate faces")
     return rows, repairs
 
 
 def _has_area(vertices: NDArray[np.float64], faces: Index) -> Bools:
     """(F,) whether each triangle is higher than the rounding of its own coordinates."""
-
-    def of_block(rows: slice) -> Bools:
-        a, b, c = (vertices[corner] for corner in faces[rows].T)
-        largest = np.maximum(np.maximum(np.abs(a), np.abs(b)), np.abs(c)).max(axis=1)
-        with np.errstate(over="ignore", invalid="ignore"):  # coordinates of 1e200 are no triangle
-            base2 = np.maximum(_norm2(b - a), np.maximum(_norm2(c - b), _norm2(a - c)))
-            height2 = (ROUNDING * largest) ** 2
-            return np.asarray(_norm2(np.cross(b - a, c - a)) > base2 * height2)
-
-    return by_blocks(len(faces), of_block)
+    a, b, c = (vertices[corner] for corner in faces.T)
+    largest = np.maximum(np.maximum(np.abs(a), np.abs(b)), np.abs(c)).max(axis=1)
+    with np.errstate(over="ignore", invalid="ignore"):  # coordinates of 1e200 are no triangle
+        base2 = np.maximum(_norm2(b - a), np.maximum(_norm2(c - b), _norm2(a - c)))
+        height2 = (ROUNDING * largest) ** 2
+        return np.asarray(_norm2(np.cross(b - a, c - a)) > base2 * height2)
 
 
 def _norm2(vectors: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -47,8 +47,8 @@ from texproj.resources.memory import return_freed_memory, trim
 from texproj.resources.scratch import Scratch
 from texproj.resources.threads import in_parallel, opencv_in_one_thread
 from texproj.unwrap.atlas import Atlas
-from texproj.unwrap.flatten import Regions
 from texproj.unwrap.kept import kept_atlas, kept_pages
+from texproj.unwrap.parts import Regions
 from texproj.unwrap.unwrap import unwrap
 
 ENCODING = np.round(srgb_from_linear(np.arange(65536) / 65535) * 255).astype(np.uint8)
@@ -76,8 +76,7 @@ def color_texture(
     with opencv_in_one_thread(), closing(Scratch()) as scratch:
         with ThreadPoolExecutor(1) as beside:
             regions = None if kept else beside.submit(Regions.of, mesh, unwrap_options)
-            with renderer.load(mesh) as scene:
-                photos = photos.rendered(scene, scratch)
+            photos = _rendered(mesh, photos, renderer, scratch)
             renderer.rest()
             density = texels_per_unit(mesh, photos, options)
         trim()
@@ -109,6 +108,12 @@ def color_texture(
     quality |= {"lenses": per_lens(names, light), "atlas": asdict(atlas.stats)}
     notes = (note,) if note else ()
     return Texture(atlas, tuple(pages), tuple(counts), quality, failed, kept, notes)
+
+
+def _rendered(mesh: Mesh, photos: PhotoSet, renderer: Renderer, scratch: Scratch) -> PhotoSet:
+    """The photos with what they see of the surface; nothing of the scene stays in memory."""
+    with renderer.load(mesh) as scene:
+        return photos.rendered(scene, scratch)
 
 
 def found_alignments(

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.mesh import Mesh, vertex_normals
+from texproj.register.block.light_mesh import light_mesh
 from texproj.simplify import decimated
 
 ALIGNMENT = 4
@@ -58,7 +59,8 @@ def pack_mesh(mesh: Mesh, center: NDArray[np.float64], **more: NDArray[Any]) -> 
 
 
 def simplified(mesh: Mesh, faces: int) -> LightMesh | None:
-    """About `faces` faces of the same shape by quadric edge collapse; None if it has fewer.
+    """About `faces` faces of the same shape by quadric edge collapse, which takes minutes of
+    millions: those are clustered first. None if it has fewer.
 
     Raises TexprojError where PyMeshLab cannot be loaded.
     """
@@ -66,6 +68,6 @@ def simplified(mesh: Mesh, faces: int) -> LightMesh | None:
         return None
     from scipy.spatial import cKDTree  # noqa: PLC0415 - slow to import, needed once
 
-    light = decimated(mesh, faces)
+    light = decimated(light_mesh(mesh), faces)
     nearest = cKDTree(mesh.vertices).query(light.vertices, workers=-1)[1]
     return LightMesh(light, np.asarray(nearest, np.int32))

@@ -9,8 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.arrays import Doubles, Ints
+from texproj.arrays import Doubles, Rows
 from texproj.unwrap.charts import Charts, border_edges, extents
+from texproj.unwrap.halfedges import stable_order
 from texproj.unwrap.regions import sum_by_label
 
 MOST_ROWS = 8192  # per chart
@@ -32,12 +33,13 @@ def doubled(charts: Charts, row_height: Doubles) -> tuple[NDArray[np.bool_], Dou
 
 
 def _doubled_in_rows(
-    charts: Charts, edges: Ints, row_height: Doubles
+    charts: Charts, edges: Rows, row_height: Doubles
 ) -> tuple[NDArray[np.bool_], Doubles]:
     edge, row, x, sign = _crossings(charts, edges, row_height)
+    order = np.argsort(x, kind="stable")
+    order = order[stable_order(row[order], int(row.max(initial=0)) + 1)]
+    edge, x = edge[order], x[order]
     chart = charts.chart_of_uv[edges[edge, 0]]
-    order = np.lexsort((x, row, chart))
-    edge, x, chart = edge[order], x[order], chart[order]
     winding = np.cumsum(sign[order])
     length = np.diff(x, append=x[-1:])
     twice = np.flatnonzero((winding > 1) & (length > SHORTEST * row_height[chart]))
@@ -51,19 +53,24 @@ def _doubled_in_rows(
 
 
 def _crossings(
-    charts: Charts, edges: Ints, row_height: Doubles
-) -> tuple[Ints, Ints, Doubles, Ints]:
-    """Each crossing of a border edge and the middle of a row: edge, row, x, +1 where the inside
-    begins (counter-clockwise borders run down there).
+    charts: Charts, edges: Rows, row_height: Doubles
+) -> tuple[Rows, Rows, Doubles, Rows]:
+    """Each crossing of a border edge and the middle of a row: edge, row (counted on from chart to
+    chart), x, +1 where the inside begins (counter-clockwise borders run down there).
     """
-    size = extents(charts.uv, charts.starts)[1]
+    low, size = extents(charts.uv, charts.starts)
     height = np.maximum(np.maximum(row_height, size[:, 1] / MOST_ROWS), 1e-300)
-    y = charts.uv[edges, 1] / height[charts.chart_of_uv[edges]]
+    chart = charts.chart_of_uv[edges[:, 0]]
+    y = charts.uv[edges, 1] / height[chart, None]
     first = np.ceil(np.minimum(*y.T) - 0.5).astype(np.int64)
     rows = np.ceil(np.maximum(*y.T) - 0.5).astype(np.int64) - first
+    lowest = np.floor(low[:, 1] / height).astype(np.int64) - 1
+    most = np.ceil(size[:, 1] / height).astype(np.int64) + 3
+    counted = first + (np.cumsum(most) - most - lowest)[chart]
     edge = np.repeat(np.arange(len(edges)), rows)
-    row = first[edge] + np.arange(len(edge)) - np.repeat(np.cumsum(rows) - rows, rows)
+    step = np.arange(len(edge)) - np.repeat(np.cumsum(rows) - rows, rows)
     begin, rise = y[edge, 0], y[edge, 1] - y[edge, 0]
-    t = (row + 0.5 - begin) / rise
+    t = (first[edge] + step + 0.5 - begin) / rise
     x = charts.uv[edges, 0][edge]
-    return edge, row, x[:, 0] + t * (x[:, 1] - x[:, 0]), np.where(rise < 0, 1, -1)
+    sign = np.where(rise < 0, 1, -1)
+    return edge, counted[edge] + step, x[:, 0] + t * (x[:, 1] - x[:, 0]), sign

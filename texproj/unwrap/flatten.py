@@ -2,73 +2,66 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from texproj.arrays import Bools, Doubles, Ints
+from texproj.arrays import Bools, Doubles, Rows
 from texproj.mesh import Mesh, by_blocks, face_areas, face_cross, norms
 from texproj.options import UnwrapOptions
+from texproj.resources.memory import trim
 from texproj.unwrap.chart_overlap import doubled
-from texproj.unwrap.charts import Charts, border_edges, join, plane_axes, project, select
-from texproj.unwrap.regions import (
-    DualGraph,
-    connected,
-    dual_graph,
-    grow_regions,
-    smoothed_normals,
-    sum_by_label,
+from texproj.unwrap.charts import (
+    Charts,
+    border_edges,
+    join,
+    plane_axes,
+    project,
+    select,
+    upright,
 )
-from texproj.unwrap.stretch import signed_areas, stretch
+from texproj.unwrap.parts import FLATNESS, STEEPEST_DEG, Part, Regions
+from texproj.unwrap.regions import DualGraph, connected, grow_regions, sum_by_label
+from texproj.unwrap.stretch import signed_area, stretch
 
-FLATNESS = 0.93  # least length of a chart's mean normal: lower gives fewer charts, more stretch
-STEEPEST_DEG = 75.0  # largest angle between a face and the plane of its chart
-SWAPS = 4  # rounds in which steep faces at a border may change to the neighbor
 RELAXATIONS = 4  # rounds in which corners of folded faces move between their neighbors
 SMALL_OVERLAP = 0.03  # of a chart's area: less is peeled from its border, more halves the chart
 PEELS = 6  # rounds in which overlaps are peeled from their borders before a chart is halved
 MOST_ROUNDS = 40  # then every face left becomes a chart
 
 
-@dataclass(frozen=True, eq=False)
-class Regions:
-    """Nearly flat pieces of a surface, the first guess at its charts.
-
-    graph: of all faces; labels: (F,) connected regions.
-    """
-
-    graph: DualGraph
-    labels: Ints
-
-    @classmethod
-    def of(cls, mesh: Mesh, options: UnwrapOptions) -> Regions:
-        """The regions of the whole mesh."""
-        graph = dual_graph(mesh)
-        return cls(graph, _regions(mesh, graph))
-
-
 def flatten(
     mesh: Mesh, regions: Regions, density: Doubles, options: UnwrapOptions
 ) -> tuple[Charts, int]:
-    """Charts of all faces, in mesh units, and how many had to be cut for overlaps.
+    """Charts of all faces, in mesh units, upright, and how many had to be cut for overlaps.
 
     density: (F,) texels per mesh unit: overlaps are looked for in steps of half a texel.
     Every region is projected along its mean normal; corners of folded faces are moved between
     their neighbors; what is still folded, steeper than `STEEPEST_DEG` or covered twice is
     cut off and forms regions among itself.
     """
-    graph, labels = regions.graph, regions.labels
-    area = face_areas(mesh)
-    faces = np.arange(len(mesh.faces))
-    finished, overlaps = [], 0
+    area, overlaps = face_areas(mesh), 0
+    finished: list[Charts] = []
+    for part in regions.parts(mesh):
+        overlaps += _flatten_part(mesh, part, area, density, finished)
+        trim()
+    return join(finished), overlaps
+
+
+def _flatten_part(
+    mesh: Mesh, part: Part, area: Doubles, density: Doubles, finished: list[Charts]
+) -> int:
+    """Append the upright charts of a part; how many had to be cut for overlaps."""
+    faces, graph, labels, overlaps = part.faces, part.graph, part.labels, 0
     for number in range(MOST_ROUNDS):
-        charts, bad = _unfolded(mesh, project(mesh, faces, labels))
+        charts, bad = _unfolded(mesh, area, project(mesh, faces, labels))
         kept = np.flatnonzero(~bad)
-        flat = select(charts, kept, graph)  # folded faces would wind backwards
+        inner = graph.restricted(kept)
+        flat = select(charts, kept, inner)  # folded faces would wind backwards
         at_border, twice = doubled(flat, _row_height(flat, area, density))
         layered = (twice > 0)[flat.chart_of_face]
-        inner = graph.restricted(kept)
-        finished.append(select(flat, np.flatnonzero(~layered), inner) if layered.any() else flat)
+        single = np.flatnonzero(~layered)
+        done = select(flat, single, inner.restricted(single)) if layered.any() else flat
+        if done.count:
+            finished.append(upright(done))
         total = np.bincount(flat.chart_of_face, area[flat.face_of_mesh], flat.count)
         halve = twice > (SMALL_OVERLAP * total if number < PEELS else 0)
         labels = np.zeros(len(faces), np.int64)
@@ -83,40 +76,18 @@ def flatten(
         graph, faces = graph.restricted(rows), faces[rows]
         labels = _cut_off(mesh, faces, labels[rows], bad[rows], graph)
     else:
-        finished.append(project(mesh, faces, np.arange(len(faces))))
-    return join(finished), overlaps
+        finished.append(upright(project(mesh, faces, np.arange(len(faces)))))
+    return overlaps
 
 
-def _regions(mesh: Mesh, graph: DualGraph) -> Ints:
-    """(F,) connected regions of the smoothed surface, steep faces at their borders moved to
-    the neighbor where they are less steep.
-    """
-    normals = 0.5 * face_cross(mesh.vertices, mesh.faces)
-    smooth = smoothed_normals(normals, graph)
-    labels = grow_regions(smooth, graph.pairs, graph.lengths, FLATNESS)
-    limit = np.cos(np.radians(STEEPEST_DEG))
-    axes = plane_axes(sum_by_label(normals, labels, int(labels.max()) + 1))[:, 2]
-    area = norms(normals)
-    both = np.concatenate([graph.pairs, graph.pairs[:, ::-1]])
-    for _ in range(SWAPS):
-        steep = np.einsum("ij,ij->i", normals, axes[labels]) < limit * area
-        pairs = both[steep[both[:, 0]]]
-        there = labels[pairs[:, 1]]
-        cosine = np.einsum("ij,ij->i", normals[pairs[:, 0]], axes[there]) / area[pairs[:, 0]]
-        order = np.argsort(cosine)
-        order = order[cosine[order] > limit]
-        labels[pairs[order, 0]] = there[order]
-    return connected(labels, graph)
-
-
-def _unfolded(mesh: Mesh, charts: Charts) -> tuple[Charts, Bools]:
+def _unfolded(mesh: Mesh, area: Doubles, charts: Charts) -> tuple[Charts, Bools]:
     """The charts with the inner corners of folded faces moved to the middle of their neighbors,
     and (n,) the faces that are still folded.
 
     Removes the folds that noise makes in a flat region, where cutting would shatter it.
     """
     every = np.arange(len(charts.faces))
-    bad = _folded(mesh, charts, every)
+    bad = _folded(mesh, area, charts, every)
     free = np.ones(len(charts.uv), bool)
     free[border_edges(charts)] = False
     for _ in range(RELAXATIONS):
@@ -127,11 +98,11 @@ def _unfolded(mesh: Mesh, charts: Charts) -> tuple[Charts, Bools]:
             break
         touched = np.flatnonzero(moving[charts.faces].any(axis=1))
         charts = charts.with_uv(_averaged(charts.uv, charts.faces[touched], moving))
-        bad[touched] = _folded(mesh, charts, touched)
+        bad[touched] = _folded(mesh, area, charts, touched)
     return charts, bad
 
 
-def _averaged(old: Doubles, faces: Ints, moving: Bools) -> Doubles:
+def _averaged(old: Doubles, faces: Rows, moving: Bools) -> Doubles:
     """The uv with the moving rows at the mean of their neighbors; faces: all that touch them."""
     others = old[faces].sum(axis=1, keepdims=True) - old[faces]
     rows, where = np.unique(faces, return_inverse=True)
@@ -143,20 +114,17 @@ def _averaged(old: Doubles, faces: Ints, moving: Bools) -> Doubles:
     return uv
 
 
-def _folded(mesh: Mesh, charts: Charts, rows: Ints) -> Bools:
+def _folded(mesh: Mesh, area: Doubles, charts: Charts, rows: Rows) -> Bools:
     """(k,) of the faces in rows, those turned over, or stretched like a face at the steepest
-    angle allowed.
+    angle allowed. area: (F,) of the mesh's faces.
     """
     limit = np.cos(np.radians(STEEPEST_DEG))
 
     def of_block(part: slice) -> Bools:
         some = rows[part]
-        corners = mesh.vertices[mesh.faces[charts.face_of_mesh[some]]]
-        area = signed_areas(charts.uv, charts.faces[some])
-        ratio = stretch(corners, charts.uv[charts.faces[some]])
-        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        true_area = np.linalg.norm(cross, axis=1) / 2
-        return (area < limit * true_area) | (ratio * limit > 1)
+        face, flat = charts.face_of_mesh[some], charts.uv[charts.faces[some]]
+        ratio = stretch(mesh.vertices[mesh.faces[face]], flat)
+        return (signed_area(flat) < limit * area[face]) | (ratio * limit > 1)
 
     return by_blocks(len(rows), of_block)
 
@@ -169,18 +137,18 @@ def _row_height(charts: Charts, area: Doubles, density: Doubles) -> Doubles:
     return 0.5 * total / np.maximum(texels, 1e-300)
 
 
-def _cut_off(mesh: Mesh, faces: Ints, labels: Ints, bad: Bools, graph: DualGraph) -> Ints:
+def _cut_off(mesh: Mesh, faces: Rows, labels: Rows, bad: Bools, graph: DualGraph) -> Rows:
     """(n,) connected labels in which the bad faces are regions of their own."""
     rows = np.flatnonzero(bad)
     inner = graph.restricted(rows)
     normals = 0.5 * face_cross(mesh.vertices, mesh.faces[faces[rows]])
     labels = labels.copy()
-    grown = grow_regions(normals, inner.pairs, inner.lengths, FLATNESS)
+    grown = grow_regions(normals, norms(normals), inner.pairs, inner.lengths, FLATNESS)
     labels[rows] = labels.max() + 1 + grown
     return connected(labels, graph)
 
 
-def _halved(mesh: Mesh, charts: Charts, layered: Bools) -> Ints:
+def _halved(mesh: Mesh, charts: Charts, layered: Bools) -> Rows:
     """(n,) labels in which each layered chart is cut at half its height above its plane."""
     if not layered.any():
         return charts.chart_of_face

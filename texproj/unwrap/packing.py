@@ -8,9 +8,12 @@ import numpy as np
 import xatlas
 from numpy.typing import NDArray
 
-from texproj.arrays import Doubles, Ints
+from texproj.arrays import Doubles, Rows
 from texproj.errors import RenderError
+from texproj.mesh import by_blocks
 from texproj.unwrap.charts import Charts, extents
+from texproj.unwrap.covers import cover
+from texproj.unwrap.halfedges import stable_order
 from texproj.unwrap.stretch import flat_areas
 
 SMALL_PX, TRAY_PX = 32.0, 256  # longest chart that goes on a tray, side of a tray
@@ -28,7 +31,7 @@ class Placement:
     """
 
     uv: Doubles
-    page_of_chart: Ints
+    page_of_chart: Rows
     page_sizes: tuple[tuple[int, int], ...]
 
 
@@ -44,8 +47,9 @@ def pack(charts: Charts, padding_px: int, page_size: int) -> Placement:
     gap = -(-padding_px // cell)
     trays, rows, boxed = _on_trays(charts, padding_px, page_size)
     boxed |= extents(trays.uv, trays.starts)[1].min(axis=1) < NARROW_CELLS * cell
+    few = len(charts.faces) < area / cell**2
     for _ in range(5):
-        proxy = _proxy(trays, cell, boxed)
+        proxy = _of_faces(trays, cell, boxed) if few else _of_cells(trays, cell, boxed)
         placed = _run(proxy, gap, page_size // cell)
         uv, page, failed = _transfer(trays, cell, proxy, placed)
         if not failed.any():
@@ -57,21 +61,37 @@ def pack(charts: Charts, padding_px: int, page_size: int) -> Placement:
 
 @dataclass(frozen=True, eq=False)
 class _Proxy:
-    """What xatlas packs: (P, 2) uv in cells, faces into them, chart of each row (ascending)."""
+    """What xatlas packs: (P, 2) uv in cells, faces into them, chart of each row (ascending); apart:
+    (n, 2) where each chart is handed over, since xatlas takes corners at equal places for the same.
+    """
 
     uv: Doubles
-    faces: Ints
-    chart: Ints
+    faces: Rows
+    chart: Rows
+    apart: Doubles
 
 
 @dataclass(frozen=True, eq=False)
 class _Placed:
     uv: Doubles  # (P, 2) cells
-    page: Ints  # (P,)
+    page: Rows  # (P,)
 
 
-def _proxy(charts: Charts, cell: int, boxed: NDArray[np.bool_]) -> _Proxy:
-    """The faces that xatlas can see, and a rectangle for each narrow chart."""
+def _of_cells(charts: Charts, cell: int, boxed: NDArray[np.bool_]) -> _Proxy:
+    """The cells that charts touch, where there are fewer of them than faces, side by side."""
+    size = extents(charts.uv, charts.starts)[1] / cell
+    size[boxed] = np.maximum(size[boxed], NARROW_CELLS)
+    cells = cover(charts, cell, size, boxed)
+    starts = np.searchsorted(cells.chart, np.arange(charts.count))
+    width = np.maximum.reduceat(cells.uv[:, 0], starts) + 1
+    apart = np.stack([np.cumsum(width) - width, np.zeros(len(width))], axis=1)
+    return _Proxy(cells.uv, cells.faces, cells.chart, apart)
+
+
+def _of_faces(charts: Charts, cell: int, boxed: NDArray[np.bool_]) -> _Proxy:
+    """The faces that xatlas can see, and a rectangle for each narrow chart; each chart shifted by
+    less than a cell.
+    """
     uv = charts.uv / cell
     area = flat_areas(uv, charts.faces)
     seen = (area > SMALLEST_FACE) & ~boxed[charts.chart_of_face]
@@ -84,9 +104,9 @@ def _proxy(charts: Charts, cell: int, boxed: NDArray[np.bool_]) -> _Proxy:
     chart = np.concatenate([charts.chart_of_uv[rows], np.repeat(np.flatnonzero(boxed), 4)])
     order = np.argsort(chart, kind="stable")
     where = np.argsort(order)
-    return _Proxy(
-        np.concatenate([uv[rows], corners.reshape(-1, 2)])[order], where[faces], chart[order]
-    )
+    uv = np.concatenate([uv[rows], corners.reshape(-1, 2)])[order]
+    apart = np.arange(charts.count)[:, None] * np.array([0.6180339887, 0.7548776662]) % 1
+    return _Proxy(uv, where[faces], chart[order], apart)
 
 
 def _run(proxy: _Proxy, gap: int, page_cells: int) -> _Placed:
@@ -99,12 +119,10 @@ def _run(proxy: _Proxy, gap: int, page_cells: int) -> _Placed:
 
 
 def _xatlas(proxy: _Proxy, gap: int, resolution: int) -> tuple[_Placed, int, int]:
-    """Positions, width and height in cells. xatlas takes corners at equal places for the same
-    corner, so each chart gets a shift of its own below one cell.
-    """
+    """Positions, width and height in cells."""
     atlas = xatlas.Atlas()
-    apart = proxy.chart[:, None] * np.array([0.6180339887, 0.7548776662]) % 1
-    atlas.add_uv_mesh((proxy.uv + apart).astype(np.float32), proxy.faces.astype(np.uint32))
+    uv = proxy.uv + proxy.apart[proxy.chart]
+    atlas.add_uv_mesh(uv.astype(np.float32), proxy.faces.astype(np.uint32))
     options = xatlas.PackOptions()
     options.texels_per_unit = 1.0
     options.resolution = resolution
@@ -123,7 +141,7 @@ def _xatlas(proxy: _Proxy, gap: int, resolution: int) -> tuple[_Placed, int, int
 
 def _transfer(
     charts: Charts, cell: int, proxy: _Proxy, placed: _Placed
-) -> tuple[Doubles, Ints, NDArray[np.bool_]]:
+) -> tuple[Doubles, Rows, NDArray[np.bool_]]:
     """All uv in cells under the map of each chart's proxy; page of each chart; which failed.
 
     xatlas turns a chart by exchanging x and y, then stretches each side by less than a cell.
@@ -143,24 +161,31 @@ def _transfer(
     swapped = np.where(np.abs(e0 - e1) > 0.01, e1 < e0, g1 < g0)
     scale = np.where(swapped[:, None], s1, s0)
     growth, error = np.where(swapped, g1, g0), np.where(swapped, e1, e0)
-    uv = charts.uv / cell - low[charts.chart_of_uv]
-    uv = np.where(swapped[charts.chart_of_uv, None], uv[:, ::-1], uv)
-    uv = uv * scale[charts.chart_of_uv] + new_low[charts.chart_of_uv]
+
+    def moved(rows: slice) -> Doubles:
+        chart = charts.chart_of_uv[rows]
+        uv = charts.uv[rows] / cell - low[chart]
+        uv = np.where(swapped[chart, None], uv[:, ::-1], uv)
+        return uv * scale[chart] + new_low[chart]
+
+    uv = by_blocks(len(charts.uv), moved)
     return uv, placed.page[starts], (error > 0.01) | (growth > 1.001)
 
 
-def _finish(charts: Charts, uv: Doubles, page_of_uv: Ints, border: int) -> Placement:
+def _finish(charts: Charts, uv: Doubles, page_of_uv: Rows, border: int) -> Placement:
     uv = uv + border
     sizes = []
-    for number in range(int(page_of_uv.max()) + 1):
-        width, height = np.ceil(uv[page_of_uv == number].max(axis=0)).astype(int) + border
+    page_of_chart = page_of_uv[charts.starts]
+    corner = np.maximum.reduceat(uv, charts.starts)
+    for number in range(int(page_of_chart.max()) + 1):
+        width, height = np.ceil(corner[page_of_chart == number].max(axis=0)).astype(int) + border
         sizes.append((int(width), int(height)))
-    return Placement(uv, page_of_uv[charts.starts], tuple(sizes))
+    return Placement(uv, page_of_chart, tuple(sizes))
 
 
 def _on_trays(
     charts: Charts, padding_px: int, page_size: int
-) -> tuple[Charts, Ints, NDArray[np.bool_]]:
+) -> tuple[Charts, Rows, NDArray[np.bool_]]:
     """Small charts laid on common trays, which then count as one chart each.
 
     xatlas tries positions at random, which takes long for thousands of specks. Returns the
@@ -170,18 +195,19 @@ def _on_trays(
     small = np.flatnonzero(size.max(axis=1) <= min(SMALL_PX, page_size / 8))
     tray, corner = _shelves(size[small] + padding_px, min(TRAY_PX, page_size // 2))
     own = np.delete(np.arange(charts.count), small)
-    bundle = np.empty(charts.count, np.int64)
+    bundle = np.empty(charts.count, np.int32)
     bundle[own] = np.arange(len(own))
     bundle[small] = len(own) + tray
     count = len(own) + int(tray.max(initial=-1)) + 1
     offset = np.zeros((charts.count, 2))
     offset[small] = corner
     of_uv = bundle[charts.chart_of_uv]
-    order = np.argsort(of_uv, kind="stable")
-    rows = np.argsort(order)
+    order = stable_order(of_uv, count)
+    rows = np.empty(len(order), np.int32)
+    rows[order] = np.arange(len(order), dtype=np.int32)
     moved = replace(
         charts,
-        uv=(charts.uv + offset[charts.chart_of_uv])[order],
+        uv=charts.uv[order] + offset[charts.chart_of_uv[order]],
         faces=rows[charts.faces],
         vertex_of_uv=charts.vertex_of_uv[order],
         chart_of_uv=of_uv[order],
@@ -191,7 +217,7 @@ def _on_trays(
     return moved, rows, np.arange(count) >= len(own)
 
 
-def _shelves(size: Doubles, side: float) -> tuple[Ints, Doubles]:
+def _shelves(size: Doubles, side: float) -> tuple[Rows, Doubles]:
     """(n,) tray and (n, 2) corner of rectangles in rows on square trays, tallest first."""
     tray = np.zeros(len(size), np.int64)
     corner = np.zeros((len(size), 2))

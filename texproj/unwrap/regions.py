@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from texproj.arrays import Doubles, Ints
+from texproj.arrays import Doubles, Rows
 from texproj.mesh import Mesh, norms
+from texproj.unwrap.halfedges import half_edges, opposite
 
 SMOOTHING_ROUNDS = 3
 ROUGH_DEG = 8.0
@@ -22,40 +23,32 @@ COMPACTNESS = 1e-3  # prefers small regions and long borders where the flatness 
 class DualGraph:
     """Faces that share an edge.
 
-    pairs: (E, 2) int64 faces; lengths: (E,) of the shared edges, mesh units. Only edges with
+    pairs: (E, 2) int32 faces; lengths: (E,) of the shared edges, mesh units. Only edges with
     exactly two faces that run through it in opposite directions count: at others (borders,
     three sheets in one edge, a Moebius strip's seam) the surface ends.
     """
 
-    pairs: Ints
+    pairs: Rows
     lengths: Doubles
 
-    def within(self, labels: Ints) -> NDArray[np.bool_]:
+    def within(self, labels: Rows) -> NDArray[np.bool_]:
         """(E,) whether both faces have the same label."""
         return labels[self.pairs[:, 0]] == labels[self.pairs[:, 1]]
 
-    def restricted(self, rows: Ints) -> DualGraph:
+    def restricted(self, rows: Rows) -> DualGraph:
         """The graph of some faces only, renumbered in the given order."""
         count = max(int(self.pairs.max(initial=-1)), int(rows.max(initial=-1))) + 1
-        number = np.full(count, -1)
-        number[rows] = np.arange(len(rows))
+        number = np.full(count, -1, np.int32)
+        number[rows] = np.arange(len(rows), dtype=np.int32)
         pairs = number[self.pairs]
         kept = (pairs[:, 0] >= 0) & (pairs[:, 1] >= 0)
         return DualGraph(pairs[kept], self.lengths[kept])
 
 
-def dual_graph(mesh: Mesh) -> DualGraph:
-    """The dual graph of the mesh."""
-    start = mesh.faces.astype(np.int64).ravel()
-    end = np.roll(mesh.faces, -1, axis=1).astype(np.int64).ravel()
-    low, high = np.minimum(start, end), np.maximum(start, end)
-    key = low * len(mesh.vertices) + high
-    order = np.argsort(key, kind="stable")
-    first = np.flatnonzero(np.diff(key[order], prepend=-1))
-    twice = first[np.diff(first, append=len(order)) == 2]
-    one, two = order[twice], order[twice + 1]
-    opposite = start[one] == end[two]
-    one, two = one[opposite], two[opposite]
+def dual_graph(mesh: Mesh, rows: Rows | None = None) -> DualGraph:
+    """The dual graph of the mesh, or of some of its faces in the given order."""
+    start, end = half_edges(mesh.faces if rows is None else mesh.faces[rows])
+    one, two = opposite(start, end, len(mesh.vertices))
     length = norms(mesh.vertices[start[one]] - mesh.vertices[end[one]])
     return DualGraph(np.stack([one // 3, two // 3], axis=1), length)
 
@@ -100,16 +93,19 @@ def _symmetric(weights: Doubles, graph: DualGraph, count: int) -> sparse.csr_arr
     return sparse.csr_array((both, (np.r_[i, j], np.r_[j, i])), shape=(count, count))
 
 
-def grow_regions(normals: Doubles, pairs: Ints, lengths: Doubles, flatness: float) -> Ints:
+def grow_regions(
+    normals: Doubles, area: Doubles, pairs: Rows, lengths: Doubles, flatness: float
+) -> Rows:
     """(F,) int64 labels 0..n-1 of connected regions grown by merging neighbors.
 
-    normals: (F, 3) of length area. A region with area A and summed normal N deviates from flat
-    by D = A - |N| (half the L2,1 energy of Cohen-Steiner, Alliez and Desbrun 2004); of all
-    neighbors those merge first whose rise of D per length of common border is least (the full
-    lambda schedule of Mumford-Shah segmentation, Robinson et al. 2002), as long as
-    |N| >= flatness * A. In each round all pairs merge that are each other's best.
+    normals: (F, 3) of faces or regions to start with, of length area where these are flat; area:
+    (F,); pairs: (E, 2) neighbors; lengths: (E,) of their common border. A region with area A and
+    summed normal N deviates from flat by D = A - |N| (half the L2,1 energy of Cohen-Steiner, Alliez
+    and Desbrun 2004); of all neighbors those merge first whose rise of D per length of common
+    border is least (the full lambda schedule of Mumford-Shah segmentation, Robinson et al. 2002),
+    as long as |N| >= flatness * A. In each round all pairs merge that are each other's best.
     """
-    regions = _Regions(normals, norms(normals))
+    regions = _Regions(normals, area)
     labels = np.arange(len(normals))
     borders = _merge_parallel(pairs, lengths, len(normals))
     while len(borders.lengths):
@@ -123,7 +119,7 @@ def grow_regions(normals: Doubles, pairs: Ints, lengths: Doubles, flatness: floa
     return labels
 
 
-def connected(labels: Ints, graph: DualGraph) -> Ints:
+def connected(labels: Rows, graph: DualGraph) -> Rows:
     """(F,) int64 labels 0..n-1 of the connected parts of the regions."""
     pairs = graph.pairs[graph.within(labels)]
     count = len(labels)
@@ -131,7 +127,7 @@ def connected(labels: Ints, graph: DualGraph) -> Ints:
     return connected_components(links, directed=False)[1].astype(np.int64)
 
 
-def sum_by_label(values: Doubles, labels: Ints, count: int) -> Doubles:
+def sum_by_label(values: Doubles, labels: Rows, count: int) -> Doubles:
     """(count, k) sums of (F, k) values over equal labels."""
     sums = [np.bincount(labels, column, count) for column in values.T]
     return np.stack(sums, axis=1)
@@ -139,7 +135,7 @@ def sum_by_label(values: Doubles, labels: Ints, count: int) -> Doubles:
 
 @dataclass(frozen=True, eq=False)
 class _Borders:
-    pairs: Ints
+    pairs: Rows
     lengths: Doubles
 
     def keep(self, mask: NDArray[np.bool_]) -> _Borders:
@@ -159,7 +155,7 @@ class _Regions:
         cost = rise + COMPACTNESS * np.minimum(self.area[i], self.area[j])
         return cost / borders.lengths, joint >= flatness * (self.area[i] + self.area[j])
 
-    def merged(self, into: Ints) -> _Regions:
+    def merged(self, into: Rows) -> _Regions:
         count = int(into.max()) + 1
         return _Regions(
             sum_by_label(self.normals, into, count),
@@ -167,11 +163,11 @@ class _Regions:
         )
 
 
-def _merge_parallel(pairs: Ints, lengths: Doubles, count: int) -> _Borders:
+def _merge_parallel(pairs: Rows, lengths: Doubles, count: int) -> _Borders:
     """Borders between different regions, one for each pair of regions."""
     low, high = np.minimum(*pairs.T), np.maximum(*pairs.T)
     real = low != high
-    key = low[real] * count + high[real]
+    key = low[real].astype(np.int64) * count + high[real]
     order = np.argsort(key)
     key = key[order]
     first = np.flatnonzero(np.diff(key, prepend=-1))
@@ -181,7 +177,7 @@ def _merge_parallel(pairs: Ints, lengths: Doubles, count: int) -> _Borders:
     return _Borders(np.stack([key[first] // count, key[first] % count], axis=1), total)
 
 
-def _best_neighbor(pairs: Ints, cost: Doubles, count: int) -> Ints:
+def _best_neighbor(pairs: Rows, cost: Doubles, count: int) -> Rows:
     """(count,) the cheapest neighbor of each region, itself where it has none; a hash decides
     between equal costs.
     """
@@ -200,7 +196,7 @@ def _best_neighbor(pairs: Ints, cost: Doubles, count: int) -> Ints:
     return target
 
 
-def _joined(target: Ints, area: Doubles) -> Ints:
+def _joined(target: Rows, area: Doubles) -> Rows:
     """(n,) labels 0..m-1 after regions that chose each other merged, and small ones joined the
     large region of their choice.
     """

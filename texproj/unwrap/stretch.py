@@ -14,13 +14,14 @@ from texproj.mesh import by_blocks
 def signed_areas(uv: Doubles, faces: NDArray[np.integer[Any]]) -> Doubles:
     """(F,) areas of the faces in the plane, negative where turned over."""
 
-    def of_block(rows: slice) -> Doubles:
-        a, b, c = (uv[corner] for corner in faces[rows].T)
-        p, q = b - a, c - a
-        out: Doubles = 0.5 * (p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])
-        return out
+    return by_blocks(len(faces), lambda rows: signed_area(uv[faces[rows]]))
 
-    return by_blocks(len(faces), of_block)
+
+def signed_area(uv_corners: Doubles) -> Doubles:
+    """(F,) areas of (F, 3, 2) triangles in the plane, negative where turned over."""
+    p, q = uv_corners[:, 1] - uv_corners[:, 0], uv_corners[:, 2] - uv_corners[:, 0]
+    out: Doubles = 0.5 * (p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])
+    return out
 
 
 def flat_areas(uv: Doubles, faces: NDArray[np.integer[Any]]) -> Doubles:
@@ -53,8 +54,12 @@ def weighted_quantiles(values: Doubles, weights: Doubles, at: tuple[float, ...])
 
 def _gram(corners: Doubles) -> tuple[Doubles, Doubles, Doubles]:
     p, q = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    return (
-        np.einsum("ij,ij->i", p, p),
-        np.einsum("ij,ij->i", p, q),
-        np.einsum("ij,ij->i", q, q),
-    )
+    return _dot(p, p), _dot(p, q), _dot(q, q)
+
+
+def _dot(p: Doubles, q: Doubles) -> Doubles:
+    """(F,) products of rows, column by column, which is faster than along them."""
+    out: Doubles = p[:, 0] * q[:, 0]
+    for k in range(1, p.shape[1]):
+        out += p[:, k] * q[:, k]
+    return out

@@ -12,11 +12,13 @@ from texproj.arrays import Doubles
 from texproj.errors import InputError
 from texproj.mesh import Mesh, face_areas
 from texproj.options import UnwrapOptions
+from texproj.resources.memory import trim
 from texproj.unwrap.atlas import Atlas
 from texproj.unwrap.charts import Charts, extents, select, upright
-from texproj.unwrap.flatten import Regions, flatten
+from texproj.unwrap.flatten import flatten
 from texproj.unwrap.packing import Placement
 from texproj.unwrap.pages import atlas_of, first_scale, on_pages
+from texproj.unwrap.parts import Regions
 from texproj.unwrap.regions import dual_graph
 from texproj.unwrap.stretch import flat_areas
 
@@ -45,7 +47,8 @@ def unwrap(
     density = np.broadcast_to(np.asarray(texels_per_unit, np.float64), len(mesh.faces))
     regions = regions or Regions.of(mesh, options)
     flat, overlaps = flatten(mesh, regions, density, options)
-    charts = at_density(mesh, upright(flat), density)
+    trim()
+    charts = at_density(mesh, flat, density)
     charts, scale, placement = _fit(mesh, charts, options)
     return atlas_of(mesh, charts, placement, scale, overlaps, options)
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.arrays import Ints
+from texproj.arrays import Rows
 from texproj.camera import Camera
 from texproj.color.patches.labels import Labels
 from texproj.color.sampling.resolution import UNSEEN
@@ -16,10 +16,11 @@ from texproj.mesh import Mesh, face_normals
 from texproj.options import UnwrapOptions
 from texproj.unwrap.atlas import Atlas
 from texproj.unwrap.chart_overlap import doubled
-from texproj.unwrap.charts import Charts, extents, join, upright
-from texproj.unwrap.flatten import Regions, flatten
+from texproj.unwrap.charts import Charts, extents, join
+from texproj.unwrap.flatten import flatten
 from texproj.unwrap.packing import Placement
 from texproj.unwrap.pages import atlas_of, first_scale, on_pages
+from texproj.unwrap.parts import Regions
 from texproj.unwrap.regions import DualGraph, connected
 from texproj.unwrap.unwrap import at_density
 
@@ -119,7 +120,7 @@ def _chosen(
     return _projected(mesh, cameras, faces, labels[faces], number.astype(np.int64))
 
 
-def _tiled(mesh: Mesh, cameras: Sequence[Camera], labels: Labels, room: int) -> Ints:
+def _tiled(mesh: Mesh, cameras: Sequence[Camera], labels: Labels, room: int) -> Rows:
     """(F,) int64 labels; photos larger than a page are cut into squares that fit."""
     key = labels.astype(np.int64)
     for photo, camera in enumerate(cameras):
@@ -132,7 +133,7 @@ def _tiled(mesh: Mesh, cameras: Sequence[Camera], labels: Labels, room: int) -> 
 
 
 def _projected(
-    mesh: Mesh, cameras: Sequence[Camera], faces: Ints, photos: Labels, charts: Ints
+    mesh: Mesh, cameras: Sequence[Camera], faces: Rows, photos: Labels, charts: Rows
 ) -> Charts:
     """Charts of some faces where their photos show them, pixels; charts: (n,) 0..count-1."""
     count = int(charts.max(initial=-1)) + 1
@@ -152,14 +153,14 @@ def _projected(
     return Charts(uv, rows.reshape(-1, 3), vertex, chart, charts, faces, count)
 
 
-def _flat(mesh: Mesh, faces: Ints, density: NDArray[np.float32], options: UnwrapOptions) -> Charts:
+def _flat(mesh: Mesh, faces: Rows, density: NDArray[np.float32], options: UnwrapOptions) -> Charts:
     """Flat charts of some faces, texels."""
     known = density[density > 0]
     typical = float(np.median(known)) if len(known) else 256 / max(mesh.diagonal, 1e-300)
     wanted = np.where(density > 0, density, UNSEEN * typical)[faces].astype(np.float64)
     rest = Mesh(mesh.vertices, mesh.faces[faces])
     flat, _ = flatten(rest, Regions.of(rest, options), wanted, options)
-    return replace(upright(at_density(rest, flat, wanted)), face_of_mesh=faces)
+    return replace(at_density(rest, flat, wanted), face_of_mesh=faces)
 
 
 def _fit(charts: Charts, options: UnwrapOptions, room: int) -> tuple[Charts, float, Placement]:

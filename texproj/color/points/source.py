@@ -9,7 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.arrays import Floats
-from texproj.mesh import Mesh, blocks, face_areas, face_middles, face_normals, vertex_normals
+from texproj.mesh import (
+    Mesh,
+    blocks,
+    by_blocks,
+    face_areas,
+    face_middles,
+    face_normals,
+    vertex_normals,
+)
 
 CHUNK = 1 << 16
 """Points that are worked on at once: a few arrays of this length stay in the processor's cache,
@@ -35,10 +43,19 @@ class Owners:
         cls, mesh: Mesh, spacing: NDArray[Any], normal: NDArray[Any] | None = None
     ) -> Owners:
         """The faces of a mesh, in its order. normal: (F, 3) unit, by default the faces' own."""
-        normal = face_normals(mesh) if normal is None else normal
-        return cls(
-            mesh.center, face_middles(mesh), normal.astype(np.float32), spacing.astype(np.float32)
-        )
+
+        def normals(rows: slice) -> Floats:
+            if normal is None:
+                return face_normals(Mesh(mesh.vertices, mesh.faces[rows])).astype(np.float32)
+            return normal[rows].astype(np.float32)
+
+        unit = by_blocks(len(mesh.faces), normals)
+        return cls(mesh.center, face_middles(mesh), unit, spacing.astype(np.float32))
+
+    def part(self, rows: slice) -> Self:
+        """Consecutive ones of them."""
+        few = self.center[rows], self.normal[rows], self.spacing[rows]
+        return type(self)(self.origin, *few)
 
 
 @dataclass(frozen=True, eq=False)

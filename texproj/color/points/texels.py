@@ -25,6 +25,11 @@ GUTTER = 2
 at most half of the padding."""
 
 
+MOST_FRAMES = 1 << 20
+"""Faces of which all maps from page to surface are kept, 44 bytes each; of more, those of one row
+of tiles after the other."""
+
+
 class Tile(NamedTuple):
     """A square of a page that holds texels of the surface.
 
@@ -59,10 +64,11 @@ class TexelPoints:
         growing: (F,) faces whose planes go on for `GUTTER` texels outside of their charts, if any.
         """
         owners = Owners.of_faces(mesh, _texel_edge(mesh, atlas), _smooth_normals(mesh))
-        frames = _all_frames(mesh, atlas)
+        every = np.arange(len(mesh.faces)) if len(mesh.faces) <= MOST_FRAMES else None
+        frames = None if every is None else _Frames.of(mesh, atlas, every)
         tiles = []
         for page in range(len(atlas.page_sizes)):
-            tiles += _write_page(page, face_image(atlas, page), frames, scratch, growing)
+            tiles += _write_page(mesh, atlas, page, frames, scratch, growing)
         return cls(owners, tiles, scratch)
 
     @property
@@ -114,34 +120,81 @@ def _mask_bytes(tile: Tile) -> int:
 
 
 def _write_page(
+    mesh: Mesh,
+    atlas: Atlas,
     page: int,
-    faces: NDArray[np.int32],
-    frames: Floats,
+    frames: _Frames | None,
     scratch: Scratch,
     growing: NDArray[np.bool_] | None,
 ) -> list[Tile]:
-    """The tiles of a page; each: which texels, then their faces, then their positions."""
+    """The tiles of a page; each: which texels, then their faces, then their positions. frames: of
+    all faces, if they are few.
+    """
+    faces = face_image(atlas, page)
     height, width = faces.shape
-    corners = [(y, x) for y in range(0, height, TILE) for x in range(0, width, TILE)]
-    tiles: list[Tile | None] = [None] * len(corners)
+    tiles: list[Tile | None] = []
+    for y in range(0, height, TILE):
+        rows = slice(y, min(y + TILE, height))
+        columns = [slice(x, min(x + TILE, width)) for x in range(0, width, TILE)]
+        parts = [faces[rows, some] for some in columns]
+        if growing is not None:
+            parts = [_grown(faces, rows, some, growing) for some in columns]
+        own = frames or _Frames.of(mesh, atlas, _present(parts, len(mesh.faces)))
+        places = [(page, rows, some) for some in columns]
+        tiles += _write_tiles(places, parts, own, scratch)
+    return [tile for tile in tiles if tile is not None]
+
+
+def _write_tiles(
+    places: list[tuple[int, slice, slice]],
+    parts: list[NDArray[np.int32]],
+    frames: _Frames,
+    scratch: Scratch,
+) -> list[Tile | None]:
+    """Tiles of one row of them; None where there is no surface."""
+    tiles: list[Tile | None] = [None] * len(places)
 
     def one(number: int) -> None:
-        y, x = corners[number]
-        rows, columns = slice(y, min(y + TILE, height)), slice(x, min(x + TILE, width))
-        part = faces[rows, columns]
-        if growing is not None:
-            part = _grown(faces, rows, columns, growing)
+        part, (page, rows, columns) = parts[number], places[number]
         mask = part >= 0
         inside = np.flatnonzero(mask)
         if len(inside):
             owner = part.ravel().take(inside)
             row, column = np.divmod(inside.astype(np.int32), np.int32(part.shape[1]))
-            xyz = on_surface(frames, owner, column + np.float32(x + 0.5), row + np.float32(y + 0.5))
-            parts = np.packbits(mask).tobytes(), owner.data.cast("B"), xyz.data.cast("B")
-            tiles[number] = Tile(page, rows, columns, len(inside), scratch.append(*parts))
+            x, y = column + np.float32(columns.start + 0.5), row + np.float32(rows.start + 0.5)
+            xyz = on_surface(frames.rows, frames.number.take(owner), x, y)
+            kept = np.packbits(mask).tobytes(), owner.data.cast("B"), xyz.data.cast("B")
+            tiles[number] = Tile(page, rows, columns, len(inside), scratch.append(*kept))
 
-    in_parallel(one, range(len(corners)))
-    return [tile for tile in tiles if tile is not None]
+    in_parallel(one, range(len(places)))
+    return tiles
+
+
+@dataclass(frozen=True, eq=False)
+class _Frames:
+    """`surface_frames` of some faces: rows (11, n), and number: (F,) the column of each of them."""
+
+    rows: Floats
+    number: NDArray[np.int32]
+
+    @classmethod
+    def of(cls, mesh: Mesh, atlas: Atlas, faces: NDArray[np.intp]) -> _Frames:
+        number = np.empty(len(mesh.faces), np.int32)
+        number[faces] = np.arange(len(faces), dtype=np.int32)
+        center, frames = mesh.center, np.empty((11, len(faces)), np.float32)
+        for some in blocks(len(faces)):
+            own = faces[some]
+            corners = mesh.vertices[mesh.faces[own]] - center
+            frames[:, some] = surface_frames(corners, atlas.uv_px[atlas.faces[own]])
+        return cls(frames, number)
+
+
+def _present(parts: list[NDArray[np.int32]], count: int) -> NDArray[np.intp]:
+    """The faces in images of faces, of so many in all; -1 is none."""
+    there = np.zeros(count + 1, bool)
+    for part in parts:
+        there[part] = True
+    return np.flatnonzero(there[:-1])
 
 
 def _grown(
@@ -184,15 +237,6 @@ def _smooth_normals(mesh: Mesh) -> Floats:
         return normal.astype(np.float32)
 
     return by_blocks(len(mesh.faces), of_block)
-
-
-def _all_frames(mesh: Mesh, atlas: Atlas) -> Floats:
-    """(11, F) `surface_frames` of all faces."""
-    center, frames = mesh.center, np.empty((11, len(mesh.faces)), np.float32)
-    for rows in blocks(len(mesh.faces)):
-        corners = mesh.vertices[mesh.faces[rows]] - center
-        frames[:, rows] = surface_frames(corners, atlas.uv_px[atlas.faces[rows]])
-    return frames
 
 
 def surface_frames(corners: NDArray[np.float64], uv: NDArray[np.float64]) -> Floats:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import cv2
 import numpy as np
@@ -61,28 +62,37 @@ class Certainty:
     center: Doubles
 
 
+class Covariance(Protocol):
+    """That of the joint problem's step: six numbers a camera, then those of the lenses."""
+
+    def times(self, columns: Doubles) -> Doubles:
+        """(p, k) it times (p, k)."""
+
+    def of_camera(self, k: int, lens: Index) -> Doubles:
+        """(6 + m, 6 + m) of camera k's numbers and those numbered `lens` (m,) of its lens."""
+
+
 def certainty(
     cameras: Cameras, points: Sequence[Doubles], lenses: LensParameters, solved: Bools,
-    covariance: Doubles,
+    covariance: Covariance | None,
 ) -> Certainty:  # fmt: skip
     """points: of each photo (n, 3) world points in its view, none of photos that do not take part;
-    solved: (n,) whether a camera could move; covariance: (p, p) of the joint problem's step,
-    infinite where it says nothing.
+    solved: (n,) whether a camera could move; covariance: None where it says nothing.
     """
     center = np.concatenate(points).mean(axis=0)
-    if not np.isfinite(covariance).all():
+    if covariance is None:
         return Certainty(np.full(len(points), np.inf), np.full((7, 7), np.inf), center)
     steps = [
         _Step.of(k, camera, xyz, lenses, solved) for k, (camera, xyz) in enumerate(
             zip(cameras, points, strict=True))
     ]  # fmt: skip
     frames = [by_similarity(c, xyz, center) for c, xyz in zip(cameras, points, strict=True)]
-    to_frame = _to_frame(steps, frames, len(covariance))
-    with_frame = covariance @ to_frame.T
+    to_frame = _to_frame(steps, frames, 6 * len(cameras) + lenses.count)
+    with_frame = covariance.times(to_frame.T)
     frame = to_frame @ with_frame
     spread = [
-        step.spread_apart(f, covariance, with_frame, frame)
-        for step, f in zip(steps, frames, strict=True)
+        step.spread_apart(f, covariance.of_camera(k, lenses.columns[k]), with_frame, frame)
+        for k, (step, f) in enumerate(zip(steps, frames, strict=True))
     ]
     return Certainty(np.array(spread), frame, center)
 
@@ -107,12 +117,12 @@ class _Step:
         return cls(np.concatenate([own, 6 * len(solved) + lens]), rows * free)
 
     def spread_apart(
-        self, frame_rows: Doubles, covariance: Doubles, with_frame: Doubles, frame: Doubles
+        self, frame_rows: Doubles, own: Doubles, with_frame: Doubles, frame: Doubles
     ) -> float:
         """Root mean square of the pixels, the common similarity taken out. frame_rows: (2 m, 7)
-        their derivative by that; with_frame: (p, 7) its covariance with the step; frame: (7, 7).
+        their derivative by that; own: (q, q) covariance of the step; with_frame: (p, 7) that of
+        the similarity with it; frame: (7, 7).
         """
-        own = covariance[np.ix_(self.columns, self.columns)]
         variance = np.einsum("ip,pq,iq->i", self.rows, own, self.rows)
         variance -= 2 * np.einsum("ip,pf,if->i", self.rows, with_frame[self.columns], frame_rows)
         variance += np.einsum("if,fg,ig->i", frame_rows, frame, frame_rows)

@@ -48,50 +48,71 @@ def confirmed(found: Mapping[Pair, TieSearch]) -> set[int]:
     return {k for k, share in best_support(found).items() if share >= LEAST_SUPPORT}
 
 
-def unconfirmed(found: Mapping[Pair, TieSearch], fixed: Bools) -> tuple[int, str] | None:
-    """The photo whose surface no partner confirms, the least confirmed first, and the reason.
+def unconfirmed(found: Mapping[Pair, TieSearch], fixed: Bools) -> list[tuple[int, str]]:
+    """The photos whose surface no partner confirms, the least confirmed first, and the reasons.
 
-    Its partners must be credible: another photo confirms one of them.
+    Their partners must be credible: another photo confirms one of them.
     """
     best, credible = best_support(found), confirmed(found)
-    suspects = [
-        k for k in best
-        if k not in credible and not fixed[k]
-        and any(k in pair and credible & set(pair) for pair in found)
-    ]  # fmt: skip
-    if not suspects:
-        return None
-    worst = min(suspects, key=lambda k: best[k])
-    return worst, (
-        "no other photo shows the same surface where this camera sees it (at best "
-        f"{best[worst]:.0%} of the patches agree); check its picks or its start"
-    )
+    beside = {k for pair in found if credible & set(pair) for k in pair}
+    suspects = [k for k in best if k not in credible and not fixed[k] and k in beside]
+    return [
+        (
+            k,
+            "no other photo shows the same surface where this camera sees it (at best "
+            f"{best[k]:.0%} of the patches agree); check its picks or its start",
+        )
+        for k in sorted(suspects, key=lambda k: best[k])
+    ]
 
 
-def contradicted(ties: Ties, apart_px: Doubles, fixed: Bools) -> tuple[int, str] | None:
-    """The photo whose ties with one partner contradict those with another, and the reason.
+def contradicted(ties: Ties, apart_px: Doubles, fixed: Bools) -> list[tuple[int, str]]:
+    """The photos whose ties with one partner contradict those with another, the worst first, and
+    the reasons.
 
     apart_px: (n, 2) where each tie was found less where the solved cameras put it, working pixels.
     Of each pair the median counts: what blur and noise scatter is around zero.
     """
-    pairs = np.stack([ties.to, ties.source], axis=1)
+    pairs, which = np.unique(np.stack([ties.to, ties.source], axis=1), axis=0, return_inverse=True)
     bias: dict[int, list[float]] = {k: [] for k in range(len(fixed)) if not fixed[k]}
-    for i, j in np.unique(pairs, axis=0):
-        own = apart_px[(ties.to == i) & (ties.source == j)]
+    order = np.argsort(which, kind="stable")
+    of_pair = np.split(apart_px[order], np.searchsorted(which[order], np.arange(1, len(pairs))))
+    for pair, own in zip(pairs.tolist(), of_pair, strict=True) if len(pairs) else ():
         if len(own) >= LEAST_SOUGHT:
             length = float(np.linalg.norm(np.nanmedian(own, axis=0)))
-            for k in {int(i), int(j)} & bias.keys():
+            for k in set(pair) & bias.keys():
                 bias[k].append(length)
     median = {k: float(np.median(lengths)) for k, lengths in bias.items() if lengths}
     if not median:
-        return None
-    worst, usual = max(median, key=lambda k: median[k]), float(np.median([*median.values()]))
-    if not median[worst] > max(LONE_PX, LONE_FACTOR * usual):
-        return None
-    return worst, (
-        f"what it shares with one photo contradicts what it shares with another, by "
-        f"{median[worst] / usual:.0f} times as much as usual; check its picks or its start"
-    )
+        return []
+    usual = float(np.median([*median.values()]))
+    bad = [k for k in median if median[k] > max(LONE_PX, LONE_FACTOR * usual)]
+    return [
+        (
+            k,
+            f"what it shares with one photo contradicts what it shares with another, by "
+            f"{median[k] / usual:.0f} times as much as usual; check its picks or its start",
+        )
+        for k in sorted(bad, key=lambda k: -median[k])
+    ]
+
+
+def far_apart(lone: Sequence[tuple[int, str]], pairs: Collection[Pair]) -> list[tuple[int, str]]:
+    """Those of which none is compared with another, nor with a partner of another, the first first:
+    what is wrong with one of them cannot come from another. Of few photos that is one alone.
+    """
+    partners: dict[int, set[int]] = {}
+    for i, j in pairs:
+        partners.setdefault(i, {i}).add(j)
+        partners.setdefault(j, {j}).add(i)
+    chosen: list[tuple[int, str]] = []
+    near: set[int] = set()
+    for k, reason in lone:
+        around = partners.get(k, {k})
+        if not around & near:
+            chosen.append((k, reason))
+            near |= around
+    return chosen
 
 
 def sought_again(

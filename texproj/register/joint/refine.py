@@ -23,6 +23,7 @@ from texproj.register.joint.lone import (
     LEAST_SOUGHT,
     confirmed,
     contradicted,
+    far_apart,
     sought_again,
     unconfirmed,
 )
@@ -97,22 +98,14 @@ def refine(
     joint = _Joint(cameras, start, sigma_px, fixed, shared, finder, points)
     pairs = choose_partners(*shared_views(start, render), options.partners)
     end = _settled(joint, pairs, _schedule(options, len(pairs)), tell)
-    if isinstance(end, _Lone):
-        again: Camera | None = None
-        if not photos[end.number].sought_again:
-            again = sought_again(
-                end.number, end.cameras, end.partners, finder, points, options.working_px
-            )
-        if again is not None:
-            others = [*photos]
-            others[end.number] = _found_again(photos[end.number], again, options)
-            return refine(others, load_photo, render, options, tell, elsewhere)
-        kept = [k for k in range(len(cameras)) if k != end.number]
+    if isinstance(end, _Contradiction):
+        others, reasons = _without(end, photos, finder, points, options)
+        kept = [k for k in range(len(cameras)) if k not in reasons]
         rest = refine(
-            [photos[k] for k in kept], lambda k, size: load_photo(kept[k], size), render, options,
+            [others[k] for k in kept], lambda k, size: load_photo(kept[k], size), render, options,
             tell, elsewhere and elsewhere.among(kept),
         )  # fmt: skip
-        return rest.among(kept, cameras, {end.number: end.reason})
+        return rest.among(kept, cameras, reasons)
     if end.fit is None:
         nothing = np.full(len(cameras), np.nan)
         return Refined(start, {}, (), nothing, nothing, {"rounds": end.rounds, "pairs": len(pairs)})
@@ -129,13 +122,40 @@ def refine(
 
 
 @dataclass(frozen=True, eq=False)
-class _Lone:
-    """A photo that contradicts the others, why, the cameras then, and whom to ask for its own."""
+class _Contradiction:
+    """Photos that contradict the others, why, the cameras then, and whom to ask for each's own."""
 
-    number: int
-    reason: str
+    lone: list[tuple[int, str]]
     cameras: Cameras
-    partners: tuple[int, ...]
+    partners: dict[int, tuple[int, ...]]
+
+    @classmethod
+    def of(
+        cls, lone: list[tuple[int, str]], cameras: Cameras, pairs: list[Pair], right: set[int]
+    ) -> _Contradiction:
+        """The first of them and all that have nothing to do with it, or with each other."""
+        chosen = far_apart(lone, pairs)
+        return cls(chosen, cameras, {k: _partners(k, pairs, right) for k, _ in chosen})
+
+
+def _without(
+    end: _Contradiction, photos: Sequence[PhotoStart], finder: TieFinder, points: list[Doubles],
+    options: RefineOptions,
+) -> tuple[list[PhotoStart], dict[int, str]]:  # fmt: skip
+    """The photos, those that contradict with what their partners found for them, and why those go
+    for which nothing was found.
+    """
+    others, reasons = [*photos], {}
+    for k, reason in end.lone:
+        again: Camera | None = None
+        if not photos[k].sought_again:
+            where = end.cameras, end.partners[k], finder, points, options.working_px
+            again = sought_again(k, *where)
+        if again is None:
+            reasons[k] = reason
+        else:
+            others[k] = _found_again(photos[k], again, options)
+    return others, reasons
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,14 +171,14 @@ class _Settled:
 
 def _settled(
     joint: _Joint, pairs: list[Pair], schedule: list[tuple[Level, int]], tell: Tell
-) -> _Settled | _Lone:
+) -> _Settled | _Contradiction:
     """Rounds of searching ties and solving until the cameras rest, or one of them stands alone."""
     now, ties, fit, rounds = joint.start, Ties.none(), None, 0
     found = joint.search(now, pairs, schedule[0][0], FIRST_RADIUS_PX)
     right = confirmed(found)
     lone = unconfirmed(found, joint.fixed)
-    if lone is not None:
-        return _Lone(*lone, now, _partners(lone[0], pairs, right))
+    if lone:
+        return _Contradiction.of(lone, now, pairs, right)
     pairs = [(i, j) for i, j in pairs if {i, j} <= right]
     most_rounds = sum(most for _, most in schedule)
     for level, most in schedule:
@@ -177,8 +197,8 @@ def _settled(
         if fit is not None and len(ties) >= LEAST_SOUGHT:
             apart = _apart_px(fit) * (schedule[0][0].longest / level.longest)
             lone = unconfirmed(found, joint.fixed) or contradicted(ties, apart, joint.fixed)
-            if lone is not None:
-                return _Lone(*lone, now, _partners(lone[0], pairs, right))
+            if lone:
+                return _Contradiction.of(lone, now, pairs, right)
             joint, now, fit = joint.with_aspect(now, ties, level.longest, fit)
     tied = tuple(int(k) for k in np.unique([ties.to, ties.source]))
     return _Settled(joint, now, tied, fit, rounds)

@@ -19,6 +19,7 @@ from texproj.register.joint.frame import (
 )
 from texproj.register.joint.holding import Picks, held_by_picks
 from texproj.register.joint.session import Cameras
+from texproj.solve.joint_covariance import JointCovariance
 from texproj.solve.lm import LmFit
 from texproj.solve.shared_lens import LensParameters
 
@@ -82,7 +83,8 @@ class Solved:
         """The cameras in their frame, with their expected errors."""
         taking_part = np.isin(np.arange(len(self.given)), self.tied)
         seen = [p if t else p[:0] for p, t in zip(self.points, taking_part, strict=True)]
-        covariance = self.fit.covariance(max(self.fit.scatter2, LEAST_SCATTER) * TIE_CORRELATION)
+        factor = max(self.fit.scatter2, LEAST_SCATTER) * TIE_CORRELATION
+        covariance = JointCovariance.of(self.fit, factor, len(self.cameras))
         sure = certainty(self.cameras, seen, self.lenses, taking_part & ~self.fixed, covariance)
         cameras, frame = self._in_frame(sure, seen, taking_part)
         by_frame = frame_px(cameras, seen, sure.center, frame)
