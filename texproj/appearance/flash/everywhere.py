@@ -32,13 +32,16 @@ single point knows it to a tenth only."""
 OWN = 0.25
 """What a metal's own color counts for, where it saw its highlight."""
 
-FARTHEST = 0.1
+FARTHEST = 0.15
 """Of the diagonal: farther from any metal that was seen to mirror nothing is called one."""
 
 ENOUGH = 3
 """Observations that tell a material; one or two fit any, so that such points take what is around
 them.
 """
+
+HEARD = 0.5
+"""What witnesses count for beside neighbors."""
 
 RINGS = 12
 """Of neighbors, as far as that reaches."""
@@ -69,11 +72,12 @@ class Points:
 
 @dataclass(frozen=True, eq=False)
 class _Tried:
-    """Of n points and k materials: cost (n, k), colors (n, k, 3), matte (n, 3), number and nearest
-    highlight (n,), normal (n, 3).
+    """Of n points and k materials: cost (n, k), told (n, 2) what witnesses say of paint and metal,
+    colors (n, k, 3), matte (n, 3), number and nearest highlight (n,), normal (n, 3).
     """
 
     cost: Floats
+    told: Floats
     colors: Floats
     matte: Floats
     number: Index
@@ -111,7 +115,13 @@ def vertices_everywhere(
     spread = smoothed(whole.cost, known, near, RINGS)
     cost = np.where(known[:, None], whole.cost, spread)
     matte = fill_vertices(mesh, whole.matte, known)
-    label, sure = settled(cost, found.voters.votes(xyz, matte), near)
+    votes = found.voters.votes(xyz, matte)
+    if found.witnesses is not None:
+        seen = whole.number > 0
+        told = np.where(seen[:, None], whole.told, smoothed(whole.told, seen, near, RINGS))
+        cost = found.witnesses.judged(cost, np.float32(HEARD) * told)
+        votes = -found.witnesses.judged(-votes, np.zeros_like(told))
+    label, sure = settled(cost, votes, near)
     return _chosen(xyz, whole, label, sure, found)
 
 
@@ -148,8 +158,11 @@ def tilted_points(part: Surfel, seen: Observations, points: Points, found: Found
 
 def _tried(part: Surfel, seen: Observations, found: Found) -> _Tried:
     fits = [fit_material(seen, kind) for kind in found.kinds]
+    told = np.zeros((len(part.xyz), 2), np.float32)
+    if found.witnesses is not None:
+        told = found.witnesses.costs(part.xyz, seen)
     return _Tried(
-        np.stack([fit.cost for fit in fits], axis=1),
+        np.stack([fit.cost for fit in fits], axis=1), told,
         np.stack([fit.color for fit in fits], axis=1),
         fit_lambert(seen).color, seen.number, seen.nearest_highlight(), part.normal,
     )  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from texproj.appearance.flash.observations import Flashes, LampShadows, Observat
 from texproj.appearance.flash.pooled import Pooled, pooled
 from texproj.appearance.flash.reflection import CANDIDATES, Material
 from texproj.appearance.flash.voting import Voters, near_neighbors, settled, smoothed
+from texproj.appearance.flash.witnesses import Witnesses
 from texproj.appearance.light_fit import MEAN_ALBEDO
 from texproj.arrays import Floats, Index
 from texproj.photo import LUMINANCE
@@ -45,6 +47,9 @@ BRIGHT_ALBEDO, BRIGHT_PART = 0.8, 0.95
 """Brightest channel that this part of all points keeps below, where nothing tells the strength of
 the flash: colors that end at 1 would be cut.
 """
+
+WITNESSED = 4
+"""Observations of a point that knows whether it is metal."""
 
 GAIN_ROUNDS = 2
 ROUNDS = 2
@@ -80,6 +85,16 @@ class Found:
     @property
     def kinds(self) -> list[Material]:
         return [one.material for one in self.materials]
+
+    @cached_property
+    def witnesses(self) -> Witnesses | None:
+        """The points that saw their highlight often enough, and lie amid others of their party."""
+        metal = np.array([kind.metal for kind in self.kinds], np.float32)[self.label]
+        amid = np.abs(self.neighbors @ metal - metal) < np.float32(1e-3)
+        lit = self.seen.nearest_highlight() >= HIGHLIGHT
+        knows = amid & lit & (self.seen.number >= WITNESSED)
+        given = self.surfels.xyz, self.fit.color, self.label, knows
+        return Witnesses.of(*given, self.kinds, self.diagonal)
 
 
 @dataclass(eq=False)

@@ -1,0 +1,136 @@
+"""Metal or paint: told by points nearby that know what they are.
+
+Off its highlight a metal is as black as black paint, and a mixed pixel at its border looks like
+paint. Points that a photo saw head-on know better: a metal mirrors the flash there, and paint does
+not. Each of them says what the photos would show here if this were its material, in its color;
+what they show is likelier as one or as the other (ours).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from texproj.appearance.flash.closed_form import labelled_terms
+from texproj.appearance.flash.observations import Observations
+from texproj.appearance.flash.reflection import Material
+from texproj.arrays import Bools, Floats, Index
+from texproj.photo import LUMINANCE
+
+CELL, SHADE = 0.03, 0.25
+"""Part of the diagonal, and of log luminance: witnesses of one material within are one."""
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """asked: nearest witnesses of each point; off: what the model is off, as part of what it
+    predicts; darkest, brightest: how much another point differs from its witness. A metal's
+    flanks are darker than the model has them, by far where the true ones fall off faster.
+    """
+
+    asked: int
+    off: float
+    darkest: float
+    brightest: float
+
+
+PAINT = _Kind(3, 0.1, 0.7, 1.4)
+METAL = _Kind(3, 0.5, 0.25, 1.1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Party:
+    """Witnesses of one kind. color: (w, 3); label: (w,) materials."""
+
+    kind: _Kind
+    tree: cKDTree
+    color: Floats
+    label: Index
+
+    @classmethod
+    def of(cls, kind: _Kind, xyz: Floats, color: Floats, label: Index, cell: float) -> _Party:
+        """Points of one kind, those alike and near each other as one."""
+        shade = np.log(np.maximum(color @ LUMINANCE, 1e-3)) / SHADE
+        cells = np.column_stack([np.floor(xyz / cell), np.floor(shade), label]).astype(np.int64)
+        _, at, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+        at = at.ravel()
+        means = [
+            np.stack([np.bincount(at, column) / count for column in values.T], axis=1)
+            for values in (xyz, color)
+        ]
+        named = np.zeros(len(count), np.intp)
+        named[at] = label
+        return cls(kind, cKDTree(means[0]), means[1].astype(np.float32), named)
+
+    def cost(self, xyz: Floats, seen: Observations, kinds: Sequence[Material]) -> Floats:
+        """(n,) of the best of the witnesses nearby: minus the log of Cauchy's density of what is
+        seen, mean over the observations.
+        """
+        count = min(self.kind.asked, len(self.label))
+        near = self.tree.query(xyz, count, workers=-1)[1].reshape(-1, count)
+        best = np.full(len(xyz), np.inf, np.float32)
+        for k in range(count):
+            slope, offset = labelled_terms(seen, kinds, self.label[near[:, k]])
+            slope = slope * self.color[near[:, k]][seen.point]
+            best = np.minimum(best, self._misfit(seen, slope, offset))
+        return best
+
+    def _misfit(self, seen: Observations, slope: Floats, offset: Floats) -> Floats:
+        kind = self.kind
+        variance = 1 / seen.inverse_variance + np.square(np.float32(kind.off) * (slope + offset))
+        weight = seen.trust[:, None] * slope / variance
+        top, bottom = (
+            seen.sums(np.einsum("ij,ij->i", weight, x)[:, None])[:, 0]
+            for x in (seen.rgb - offset, slope)
+        )
+        gain = np.clip(top / np.maximum(bottom, np.float32(1e-20)), kind.darkest, kind.brightest)
+        off = seen.rgb - offset - slope * gain[seen.point, None]
+        off *= ~(seen.cut & (off < 0))
+        square = (np.square(off) / variance).mean(axis=1)
+        cost = np.log1p(square) + np.log(variance).mean(axis=1) / 2
+        total = np.maximum(seen.sums(seen.trust[:, None])[:, 0], np.float32(1e-20))
+        return np.asarray(seen.sums((cost * seen.trust)[:, None])[:, 0] / total, np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class Witnesses:
+    """Points that know what they are. paint, metal: the two parties; kinds: the materials."""
+
+    paint: _Party
+    metal: _Party
+    kinds: Sequence[Material]
+
+    @classmethod
+    def of(
+        cls, xyz: Floats, color: Floats, label: Index, knows: Bools, kinds: Sequence[Material],
+        diagonal: float,
+    ) -> Witnesses | None:  # fmt: skip
+        """Those of n points that know; None where all of them are of one party."""
+        metal = np.array([kind.metal for kind in kinds])[label]
+        parties: list[Any] = []
+        for kind, rows in ((PAINT, knows & ~metal), (METAL, knows & metal)):
+            if not rows.any():
+                return None
+            parties.append(_Party.of(kind, xyz[rows], color[rows], label[rows], CELL * diagonal))
+        return cls(*parties, kinds)
+
+    def costs(self, xyz: Floats, seen: Observations) -> Floats:
+        """(n, 2) of paint and of metal, 0 without an observation."""
+        return np.stack(
+            [party.cost(xyz, seen, self.kinds) for party in (self.paint, self.metal)], axis=1
+        )
+
+    def judged(self, cost: Floats, told: Floats) -> Floats:
+        """(n, k) costs of materials that differ by what the witnesses say, told (n, 2), between
+        paints and metals, and as they do among either.
+        """
+        metal = np.array([kind.metal for kind in self.kinds])
+        out = cost.copy()
+        for party, columns in enumerate((np.flatnonzero(~metal), np.flatnonzero(metal))):
+            own = cost[:, columns]
+            out[:, columns] = own - own.min(axis=1, keepdims=True) + told[:, [party]]
+        return out
