@@ -9,7 +9,12 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from texproj.appearance.flash.closed_form import fit_lambert, fit_material
+from texproj.appearance.flash.closed_form import (
+    CAUCHY_ROUNDS,
+    fit_lambert,
+    fit_terms,
+    model_terms,
+)
 from texproj.appearance.flash.found import HIGHLIGHT, Found
 from texproj.appearance.flash.observations import Observations, Surfel, observe
 from texproj.appearance.flash.sampled import FlashSamples
@@ -141,7 +146,10 @@ def texels_everywhere(
 def texels_by_material(part: Surfel, seen: Observations, found: Found, allowed: Bools) -> Points:
     """Some texels with the normals of the mesh."""
     tried = _tried(part, seen, found)
-    label = np.argmin(np.where(allowed, tried.cost, np.inf), axis=1)
+    cost = tried.cost
+    if found.witnesses is not None:
+        cost = found.witnesses.judged(cost, tried.told)
+    label = np.argmin(np.where(allowed, cost, np.inf), axis=1)
     return _chosen(part.xyz, tried, label, np.ones(len(label), np.float32), found)
 
 
@@ -157,10 +165,11 @@ def tilted_points(part: Surfel, seen: Observations, points: Points, found: Found
 
 
 def _tried(part: Surfel, seen: Observations, found: Found) -> _Tried:
-    fits = [fit_material(seen, kind) for kind in found.kinds]
+    terms = [model_terms(seen, kind.values) for kind in found.kinds]
+    fits = [fit_terms(seen, *one, CAUCHY_ROUNDS) for one in terms]
     told = np.zeros((len(part.xyz), 2), np.float32)
     if found.witnesses is not None:
-        told = found.witnesses.costs(part.xyz, seen)
+        told = found.witnesses.costs(part.xyz, seen, terms)
     return _Tried(
         np.stack([fit.cost for fit in fits], axis=1), told,
         np.stack([fit.color for fit in fits], axis=1),

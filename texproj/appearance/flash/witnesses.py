@@ -15,11 +15,13 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from texproj.appearance.flash.closed_form import labelled_terms
 from texproj.appearance.flash.observations import Observations
 from texproj.appearance.flash.reflection import Material
 from texproj.arrays import Bools, Floats, Index
 from texproj.photo import LUMINANCE
+
+Terms = tuple[Floats, Floats]
+"""(m, 3) slopes and offsets of observations in the color, of one material."""
 
 CELL, SHADE = 0.03, 0.25
 """Part of the diagonal, and of log luminance: witnesses of one material within are one."""
@@ -38,8 +40,8 @@ class _Kind:
     brightest: float
 
 
-PAINT = _Kind(3, 0.1, 0.7, 1.4)
-METAL = _Kind(3, 0.5, 0.25, 1.1)
+PAINT = _Kind(2, 0.1, 0.7, 1.4)
+METAL = _Kind(2, 0.5, 0.25, 1.1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,34 +68,38 @@ class _Party:
         named[at] = label
         return cls(kind, cKDTree(means[0]), means[1].astype(np.float32), named)
 
-    def cost(self, xyz: Floats, seen: Observations, kinds: Sequence[Material]) -> Floats:
+    def cost(self, xyz: Floats, seen: Observations, slopes: Floats, offsets: Floats) -> Floats:
         """(n,) of the best of the witnesses nearby: minus the log of Cauchy's density of what is
-        seen, mean over the observations.
+        seen, mean over the observations. slopes, offsets: (k, m, 3) of each material.
         """
+        rows, noise = np.arange(len(seen.point)), 1 / seen.inverse_variance
         count = min(self.kind.asked, len(self.label))
         near = self.tree.query(xyz, count, workers=-1)[1].reshape(-1, count)
         best = np.full(len(xyz), np.inf, np.float32)
         for k in range(count):
-            slope, offset = labelled_terms(seen, kinds, self.label[near[:, k]])
-            slope = slope * self.color[near[:, k]][seen.point]
-            best = np.minimum(best, self._misfit(seen, slope, offset))
+            here = near[seen.point, k]
+            label = self.label[here]
+            slope = slopes[label, rows] * self.color[here]
+            best = np.minimum(best, self._misfit(seen, slope, offsets[label, rows], noise))
         return best
 
-    def _misfit(self, seen: Observations, slope: Floats, offset: Floats) -> Floats:
+    def _misfit(self, seen: Observations, slope: Floats, offset: Floats, noise: Floats) -> Floats:
         kind = self.kind
-        variance = 1 / seen.inverse_variance + np.square(np.float32(kind.off) * (slope + offset))
-        weight = seen.trust[:, None] * slope / variance
-        top, bottom = (
-            seen.sums(np.einsum("ij,ij->i", weight, x)[:, None])[:, 0]
-            for x in (seen.rgb - offset, slope)
-        )
+        wanted = seen.rgb - offset
+        variance = noise + np.square(np.float32(kind.off) * (slope + offset))
+        precision = np.reciprocal(variance)
+        weight = seen.trust[:, None] * slope * precision
+        both = [np.einsum("ij,ij->i", weight, x) for x in (wanted, slope)]
+        top, bottom = seen.sums(np.stack(both, axis=1)).T
         gain = np.clip(top / np.maximum(bottom, np.float32(1e-20)), kind.darkest, kind.brightest)
-        off = seen.rgb - offset - slope * gain[seen.point, None]
-        off *= ~(seen.cut & (off < 0))
-        square = (np.square(off) / variance).mean(axis=1)
-        cost = np.log1p(square) + np.log(variance).mean(axis=1) / 2
-        total = np.maximum(seen.sums(seen.trust[:, None])[:, 0], np.float32(1e-20))
-        return np.asarray(seen.sums((cost * seen.trust)[:, None])[:, 0] / total, np.float32)
+        wanted -= slope * gain[seen.point, None]
+        cut = np.flatnonzero(seen.cut.any(axis=1))
+        wanted[cut] *= ~(seen.cut[cut] & (wanted[cut] < 0))
+        cost = np.log1p(np.einsum("ij,ij,ij->i", wanted, wanted, precision) / 3)
+        cost += np.log(variance.prod(axis=1)) / 6
+        both = [cost * seen.trust, seen.trust]
+        total, trust = seen.sums(np.stack(both, axis=1)).T
+        return np.asarray(total / np.maximum(trust, np.float32(1e-20)), np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,11 +124,11 @@ class Witnesses:
             parties.append(_Party.of(kind, xyz[rows], color[rows], label[rows], CELL * diagonal))
         return cls(*parties, kinds)
 
-    def costs(self, xyz: Floats, seen: Observations) -> Floats:
-        """(n, 2) of paint and of metal, 0 without an observation."""
-        return np.stack(
-            [party.cost(xyz, seen, self.kinds) for party in (self.paint, self.metal)], axis=1
-        )
+    def costs(self, xyz: Floats, seen: Observations, terms: Sequence[Terms]) -> Floats:
+        """(n, 2) of paint and of metal, 0 without an observation. terms: of each material."""
+        slopes, offsets = (np.stack(one) for one in zip(*terms, strict=True))
+        parties = self.paint, self.metal
+        return np.stack([one.cost(xyz, seen, slopes, offsets) for one in parties], axis=1)
 
     def judged(self, cost: Floats, told: Floats) -> Floats:
         """(n, k) costs of materials that differ by what the witnesses say, told (n, 2), between
