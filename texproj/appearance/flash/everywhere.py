@@ -15,12 +15,12 @@ from texproj.appearance.flash.closed_form import (
     fit_terms,
     model_terms,
 )
+from texproj.appearance.flash.few_views import ENOUGH, drawn_together
 from texproj.appearance.flash.found import HIGHLIGHT, Found
 from texproj.appearance.flash.observations import Observations, Surfel, observe
 from texproj.appearance.flash.sampled import FlashSamples
 from texproj.appearance.flash.tilt import Turning, tilts
 from texproj.appearance.flash.voting import (
-    PLACE,
     mesh_neighbors,
     place_and_chroma,
     settled,
@@ -30,23 +30,16 @@ from texproj.arrays import Bools, Floats, Index
 from texproj.color.filling.vertices import fill_vertices
 from texproj.mesh import Mesh
 
-MIRRORS = 32
-"""Metal nearby, and of like hue, that saw its highlight, whose median tells the color of metals: a
-single point knows it to a tenth only."""
+MIRRORS, MIRRORED = 64, 0.1
+"""Metal nearby (`MIRRORED` of the diagonal counts like `CHROMA`), and of like hue, that saw its
+highlight, whose median tells the color of metals: a single point knows it to a tenth only.
+"""
 
-OWN = 0.25
+OWN = 0.1
 """What a metal's own color counts for, where it saw its highlight."""
 
 FARTHEST = 0.15
 """Of the diagonal: farther from any metal that was seen to mirror nothing is called one."""
-
-ENOUGH = 3
-"""Observations that tell a material; one or two fit any, so that such points take what is around
-them.
-"""
-
-HEARD = 0.5
-"""What witnesses count for beside neighbors."""
 
 RINGS = 12
 """Of neighbors, as far as that reaches."""
@@ -124,10 +117,12 @@ def vertices_everywhere(
     if found.witnesses is not None:
         seen = whole.number > 0
         told = np.where(seen[:, None], whole.told, smoothed(whole.told, seen, near, RINGS))
-        cost = found.witnesses.judged(cost, np.float32(HEARD) * told)
-        votes = -found.witnesses.judged(-votes, np.zeros_like(told))
+        cost, votes = found.witnesses.judged(cost, told, votes, matte)
     label, sure = settled(cost, votes, near)
-    return _chosen(xyz, whole, label, sure, found)
+    points = _chosen(xyz, whole, label, sure, found)
+    paint = ~np.array([kind.metal for kind in found.kinds])[points.label]
+    color = drawn_together(points.color, points.label, points.number, paint, near)
+    return replace(points, color=color)
 
 
 def texels_everywhere(
@@ -148,7 +143,8 @@ def texels_by_material(part: Surfel, seen: Observations, found: Found, allowed: 
     tried = _tried(part, seen, found)
     cost = tried.cost
     if found.witnesses is not None:
-        cost = found.witnesses.judged(cost, tried.told)
+        none = np.zeros_like(cost)
+        cost, _ = found.witnesses.judged(cost, tried.told, none, tried.matte)
     label = np.argmin(np.where(allowed, cost, np.inf), axis=1)
     return _chosen(part.xyz, tried, label, np.ones(len(label), np.float32), found)
 
@@ -206,7 +202,7 @@ class _Mirrors:
         lit = found.seen.nearest_highlight() >= HIGHLIGHT
         rows = np.flatnonzero(lit & metal[found.label] & (found.seen.number >= 3))
         self._color, self._diagonal = found.fit.color[rows], found.diagonal
-        self._place = PLACE * found.diagonal
+        self._place = MIRRORED * found.diagonal
         self._matte = fit_lambert(found.seen).color
         self._places, self._count = cKDTree(found.surfels.xyz[rows]), min(MIRRORS, len(rows))
         like = place_and_chroma(found.surfels.xyz[rows], self._matte[rows], self._place)

@@ -27,6 +27,12 @@ CELL, SHADE = 0.03, 0.25
 """Part of the diagonal, and of log luminance: witnesses of one material within are one."""
 
 
+FIT, HUE, DIM = 0.25, 0.5, 0.06
+"""What the best fit of a material, and votes of points of like hue, count for beside witnesses: the
+hue by half of that where the matte color is `DIM`, since it is noise in the dark.
+"""
+
+
 @dataclass(frozen=True)
 class _Kind:
     """asked: nearest witnesses of each point; off: what the model is off, as part of what it
@@ -130,13 +136,19 @@ class Witnesses:
         parties = self.paint, self.metal
         return np.stack([one.cost(xyz, seen, slopes, offsets) for one in parties], axis=1)
 
-    def judged(self, cost: Floats, told: Floats) -> Floats:
-        """(n, k) costs of materials that differ by what the witnesses say, told (n, 2), between
-        paints and metals, and as they do among either.
+    def judged(
+        self, cost: Floats, told: Floats, votes: Floats, matte: Floats
+    ) -> tuple[Floats, Floats]:
+        """(n, k) costs and votes of materials. Between paints and metals the witnesses' costs, told
+        (n, 2), come first: what fits best in a color of its own, and points of like hue, are wrong
+        where a metal is dark. matte: (n, 3) what the points look like.
         """
+        bright = matte @ LUMINANCE.astype(np.float32)
+        unheard = (1 - np.float32(HUE) * bright / (bright + np.float32(DIM)))[:, None]
         metal = np.array([kind.metal for kind in self.kinds])
-        out = cost.copy()
+        cost, votes = cost.copy(), votes.copy()
         for party, columns in enumerate((np.flatnonzero(~metal), np.flatnonzero(metal))):
-            own = cost[:, columns]
-            out[:, columns] = own - own.min(axis=1, keepdims=True) + told[:, [party]]
-        return out
+            cost[:, columns] -= np.float32(1 - FIT) * cost[:, columns].min(axis=1, keepdims=True)
+            cost[:, columns] += told[:, [party]]
+            votes[:, columns] -= unheard * votes[:, columns].max(axis=1, keepdims=True)
+        return cost, votes
