@@ -14,13 +14,12 @@ from PIL import Image
 from plyfile import PlyData
 from skimage.color import deltaE_ciede2000
 
-from texproj.appearance.flash.closed_form import fit_lambert, fit_material, model_terms
+from texproj.appearance.flash.closed_form import fit_lambert, fit_material
 from texproj.appearance.flash.lamp import Lamp
 from texproj.appearance.flash.materials import base_materials
 from texproj.appearance.flash.observations import Observations
 from texproj.appearance.flash.recover import Blend, flash_appearance
 from texproj.appearance.flash.reflection import Angles, Material, linear_terms
-from texproj.appearance.flash.witnesses import Witnesses
 from texproj.camera import Camera, Intrinsics, Pose
 from texproj.cli import main
 from texproj.color.checker.fit import lab_of_srgb
@@ -190,43 +189,6 @@ def test_what_was_cut_at_white_is_only_a_lower_bound():
     dark = replace(seen, rgb=np.where(cut, 0.5 * seen.rgb, seen.rgb), cut=cut)
 
     assert fit_material(dark, material).color[0] == pytest.approx(color, rel=1e-2)
-
-
-GOLD, STONE, LACQUER = (0.9, 0.65, 0.3), (0.5, 0.42, 0.35), (0.012, 0.011, 0.014)
-STUFFS = Material(0.45, True), Material(0.8, False), Material(0.35, False)
-
-
-def told(seen, *near):
-    """What the point's neighbors, by number of `STUFFS`, say of it: cost of paint, of metal."""
-    colors = np.array([(GOLD, STONE, LACQUER)[k] for k in near], np.float32)
-    xyz = np.random.default_rng(1).uniform(-0.1, 0.1, (len(near), 3)).astype(np.float32)
-    given = xyz, colors, np.array(near), np.ones(len(near), bool), STUFFS, 1.0
-    terms = [model_terms(seen, stuff.values) for stuff in STUFFS]
-    return Witnesses.of(*given).costs(np.zeros((1, 3), np.float32), seen, terms)[0]
-
-
-def test_gold_off_its_highlight_is_no_black_paint():
-    """It looks as black: but nearby there is stone and gold, and no black paint. Where it was seen
-    head-on it would have shone, and where black paint is near nobody can tell.
-    """
-    dark = one_point(STUFFS[0], np.array(GOLD) / 3, nearest=0.8)
-    assert dark.rgb.max() < 0.03
-
-    paint, metal = told(dark, 0, 0, 1, 1)
-    assert metal < paint - 1
-    head_on = one_point(STUFFS[2], LACQUER)
-    paint, metal = told(head_on, 0, 0, 1, 2)
-    assert paint < metal - 1
-    paint, metal = told(dark, 0, 0, 1, 2)
-    assert abs(paint - metal) < 1
-
-
-def test_without_a_metal_there_are_no_witnesses():
-    """Nothing is called a metal by them."""
-    rows = np.zeros((2, 3), np.float32), np.full((2, 3), 0.5, np.float32), np.array([1, 2])
-
-    assert Witnesses.of(*rows, np.ones(2, bool), STUFFS, 1.0) is None
-    assert Witnesses.of(*rows, np.zeros(2, bool), STUFFS, 1.0) is None
 
 
 def test_as_many_materials_as_there_are():

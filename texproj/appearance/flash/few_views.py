@@ -54,9 +54,7 @@ def drawn_together(
     return np.where((known & free)[:, None], mixed, color)
 
 
-def _means(
-    color: Floats, label: Index, telling: Bools, neighbors: Any
-) -> tuple[Floats, Bools]:
+def _means(color: Floats, label: Index, telling: Bools, neighbors: Any) -> tuple[Floats, Bools]:
     """(n, 3) mean color of the telling points around, without the point itself, and (n,) where
     there are any.
     """
