@@ -16,14 +16,14 @@ report; run again: the whole command where nothing is stale.
 held out: PSNR, dB, of photos that were not used for color, at the reference cameras, by the
 measuring script (virtual rephotography, Waechter et al. 2017); only where it is given.
 
-Behind each figure, what docs/benchmarks.md has kept; --write keeps the new ones there.
+Behind each figure, what docs/benchmarks.md has kept; --write keeps the new ones there;
+`python tests/make_reference.py` then puts the most telling ones into README.md.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
-import re
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -34,13 +34,10 @@ import numpy as np
 from block_errors import best_similarity, offsets_px, visible
 from color_runs import CHECKOUT, MODEL, Run, color, compared, make_project, timed
 from color_scale import against_limit
+from kept_figures import HEAD, KEPT, Cells, kept, with_rows
 
 from texproj.formats.cameras import read_cameras
 from texproj.formats.meshes import read_mesh
-
-KEPT = CHECKOUT / "docs" / "benchmarks.md"
-BEGIN, END = "<!-- bench_all -->", "<!-- end of bench_all -->"
-HEAD = ("scene", "step", "s", "CPU s", "MB", "result")
 
 
 @dataclass(frozen=True)
@@ -61,15 +58,15 @@ class Row:
 
 def main() -> None:
     given = _arguments()
-    kept, rows = _kept(KEPT.read_text()), []
+    before, rows = kept(KEPT.read_text()), []
     print(" | ".join(HEAD))
     with tempfile.TemporaryDirectory() as temporary:
         for name in given.scenes.split(","):
             for row in scene_rows(given.data / name, (given.keep or Path(temporary)), given.script):
                 rows.append(row.cells)
-                print(_beside(row.cells, kept), flush=True)
+                print(_beside(row.cells, before), flush=True)
     if given.write:
-        KEPT.write_text(_with(KEPT.read_text(), rows))
+        KEPT.write_text(with_rows(KEPT.read_text(), rows))
 
 
 def scene_rows(data: Path, root: Path, script: Path | None) -> Iterator[Row]:
@@ -132,29 +129,13 @@ def _arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def _kept(text: str) -> dict[tuple[str, str], tuple[str, ...]]:
-    """The rows of the table in a document, by scene and step."""
-    inside = re.search(f"{BEGIN}(.*?){END}", text, re.DOTALL)
-    lines = inside[1].strip().splitlines()[2:] if inside else []
-    cells = [tuple(cell.strip() for cell in line.strip("|").split("|")) for line in lines]
-    return {(row[0], row[1]): row for row in cells}
-
-
-def _beside(cells: tuple[str, ...], kept: dict[tuple[str, str], tuple[str, ...]]) -> str:
-    before = kept.get((cells[0], cells[1]), cells)
+def _beside(cells: Cells, kept_rows: dict[tuple[str, str], Cells]) -> str:
+    before = kept_rows.get((cells[0], cells[1]), cells)
     told = [
         now if now == old else f"{now} (was {old})"
         for now, old in zip(cells, before, strict=True)
     ]  # fmt: skip
     return " | ".join(told)
-
-
-def _with(text: str, rows: Sequence[tuple[str, ...]]) -> str:
-    """The document with these rows in its table, those of other scenes as they were."""
-    every = {**_kept(text), **{(row[0], row[1]): row for row in rows}}
-    lines = [HEAD, ("---",) * len(HEAD), *every.values()]
-    table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
-    return re.sub(f"{BEGIN}.*?{END}", f"{BEGIN}\n{table}\n{END}", text, flags=re.DOTALL)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,12 @@
 """A project on this machine alone and on a cluster of local processes: the same, and how fast.
 
-    python tests/bench_cluster.py [PROJECT] [--workers 3] [--kill]
+    python tests/bench_cluster.py [PROJECT] [--workers 3] [--kill] [--loose] [--copies]
 
-Without PROJECT a synthetic one of 8 photos with starts is made. The stages run here, then on a
-Dask cluster, in copies of the project; with --kill a worker is killed in the middle of each stage.
+Without PROJECT a synthetic one of 8 photos with starts is made, with --loose of 12 without, so that
+features and pairs are found by workers, too. The stages run here, then on a Dask cluster, in copies
+of the project; with --kill a worker is killed in the middle of each stage, and of features and
+pairs; with --copies the workers do not see the project folder and are sent its files.
+
 For each stage: seconds on the clock here and there. Then how far the cameras and the textures are
 apart: floor 1e-9 and 1 of 255.
 """
@@ -26,11 +29,13 @@ from texproj.demo import write_demo
 from texproj.options import DemoOptions
 from texproj.project import Project
 from texproj.resources.cluster import Cluster, cluster_at
+from texproj.stages import sites
 from texproj.stages.bench import Workbench
 from texproj.stages.coloring import color_project
 from texproj.stages.refining import refine_project
 from texproj.stages.registering import register_photos
 from texproj.stages.sites import crew_of
+from texproj.version import __version__
 
 DEMO = DemoOptions(
     object="stele", photos=8, starts=True, paint=1, long_side=800, faces=20_000,
@@ -47,15 +52,16 @@ class Killer:
     """Ends one worker once in each stage, when the stage has begun to tell how far it is."""
 
     def __init__(self, cluster: Cluster | None) -> None:
-        self.cluster, self.armed = cluster, False
+        self.cluster = cluster
+        self.met: set[str] = set()
 
-    def __call__(self, _stage: str, done: int, _total: int, _item: str) -> None:
-        if self.cluster is None or not self.armed or done < 1:
+    def __call__(self, stage: str, done: int, _total: int, _item: str) -> None:
+        if self.cluster is None or stage in self.met or done < 1:
             return
-        self.armed = False
+        self.met.add(stage)
         pids = self.cluster.everywhere(os.getpid)
         os.kill(next(iter(pids.values())), signal.SIGKILL)
-        print(f"      killed one of {len(pids)} workers")
+        print(f"      {stage}: killed one of {len(pids)} workers")
 
 
 def main() -> None:
@@ -64,12 +70,15 @@ def main() -> None:
     )
     parser.add_argument("project", nargs="?", type=Path)
     parser.add_argument("--workers", type=int, default=3)
-    parser.add_argument("--kill", action="store_true")
+    for flag in ("--kill", "--loose", "--copies"):
+        parser.add_argument(flag, action="store_true")
     options = parser.parse_args()
+    if options.copies:
+        sites._looked_at = unseen
     with tempfile.TemporaryDirectory() as scratch:
         first = Path(scratch) / "first"
         if options.project is None:
-            write_demo(first, DEMO)
+            write_demo(first, DemoOptions() if options.loose else DEMO)
         else:
             leave = shutil.ignore_patterns("work", "out")
             shutil.copytree(options.project, first, ignore=leave)
@@ -83,11 +92,16 @@ def main() -> None:
               f"images by {images_apart(first, other)} of 255")  # fmt: skip
 
 
+def unseen(_root: Path) -> tuple[str, bool]:
+    """What workers say that do not see the folder."""
+    return __version__, False
+
+
 def staged(root: Path, cluster: Cluster | None, killer: Killer) -> dict[str, float]:
     """Seconds of each stage."""
     seconds = {}
     for name, stage in STAGES.items():
-        project, killer.armed, begun = Project.open(root), True, time.perf_counter()
+        project, begun = Project.open(root), time.perf_counter()
         if cluster is None:
             with Workbench(project) as bench:
                 stage(bench, killer)

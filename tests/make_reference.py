@@ -1,4 +1,5 @@
-"""Write the reference of commands (README.md) and settings (docs/settings.md) from the program.
+"""Write the reference of commands (README.md) and settings (docs/settings.md) from the program, and
+README's figures from docs/benchmarks.md.
 
 python tests/make_reference.py
 """
@@ -9,6 +10,8 @@ from collections.abc import Iterable
 from dataclasses import Field, fields
 from pathlib import Path
 from typing import Any
+
+from kept_figures import KEPT, headline
 
 from texproj.cli.commands import app
 from texproj.formats.interchange import FORMATS
@@ -104,6 +107,12 @@ def model_kinds() -> str:
     return _table(("`models`", "files", "made from", "colors", "read by"), rows)
 
 
+def figures() -> str:
+    """A table of what two real scenes came to."""
+    head = ("scene", "registered", "off, median / worst", "photos left out", "processor s", "MB")
+    return _table(head, headline(KEPT.read_text()))
+
+
 def _table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
     lines = [f"| {' | '.join(cells)} |".replace("|  |", "| |") for cells in (head, *rows)]
     return "\n".join([lines[0], "|" + "---|" * len(head), *lines[1:]])
@@ -116,7 +125,7 @@ def _endings(suffixes: tuple[str, ...]) -> str:
 
 
 GENERATED = {
-    "README.md": {"commands": commands},
+    "README.md": {"commands": commands, "figures": figures},
     "docs/files.md": {
         "photos": photo_kinds,
         "meshes": mesh_kinds,

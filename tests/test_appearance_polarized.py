@@ -2,6 +2,7 @@
 of its light in either filter and whose mirrors lose none in the parallel one.
 """
 
+import io
 import json
 import shutil
 from dataclasses import dataclass
@@ -119,10 +120,51 @@ def test_paint_and_mirror_come_apart(polarized_project, capsys):
     shades = page[page.max(axis=2) > 0.01].max(axis=1)
     truth = base[seen].max(axis=1)
     assert np.quantile(shades, [0.2, 0.8]) == pytest.approx(np.quantile(truth, [0.2, 0.8]), rel=0.2)
+    f0 = next(one["f0"] for one in materials if one["f0"])
+    mirrors = specular_page(out / "model.glb")
+    blue = page[..., 2] > 1.5 * page[..., 0]
+    stone = (page[..., 0] > page[..., 2]) & (page.max(axis=2) > 0.01)
+    assert np.quantile(mirrors[blue], 0.25) == pytest.approx(f0 / 0.04, abs=0.02)
+    assert np.median(mirrors[stone]) == pytest.approx(1, abs=0.01)
+    rough = np.asarray(Image.open(out / "roughness_0.png")) / 255
+    assert np.median(rough[blue]) == pytest.approx(0.39, abs=0.1)
     assert main(["appearance", str(polarized_project), "--to", "texture"]) == 1
     said = capsys.readouterr().out
     assert "fresh, kept" in said
     assert "mirrors from what photos/ show beyond it" in said
+
+
+def specular_page(path):
+    """What a glb mirrors against the usual F0, linear, on its only page."""
+    data = path.read_bytes()
+    length = int.from_bytes(data[12:16], "little")
+    document = json.loads(data[20 : 20 + length])
+    told = document["materials"][0]["extensions"]["KHR_materials_specular"]
+    source = document["textures"][told["specularColorTexture"]["index"]]["source"]
+    view = document["bufferViews"][document["images"][source]["bufferView"]]
+    start = 28 + length + view["byteOffset"]
+    picture = Image.open(io.BytesIO(data[start : start + view["byteLength"]]))
+    return linear_from_srgb(np.asarray(picture)[..., 0] / 255.0) * told["specularColorFactor"][0]
+
+
+def test_two_partners_of_one_photo_refuse_it_alone(polarized_project, tmp_path, capsys):
+    """With both their names; `status` goes on too, and sees when one is taken away."""
+    root = tmp_path / "twice"
+    shutil.copytree(polarized_project, root, ignore=shutil.ignore_patterns("out", "work"))
+    second = root / "photos-crossed/05.tif"
+    shutil.copy(root / "photos-crossed/05.png", second)
+
+    assert main(["status", str(root)]) == 0
+    capsys.readouterr()
+    assert main(["appearance", str(root), "--json"]) == 1
+
+    told = json.loads(capsys.readouterr().out)
+    assert "05.png and" in told["failed"]["05.png"]
+    assert "both belong to 05.png; keep one" in told["failed"]["05.png"]
+    assert len(told["used"]) == PHOTOS - 2
+    second.unlink()
+    main(["status", str(root)])
+    assert "crossed 05.png changed" in capsys.readouterr().out
 
 
 def test_swapped_folders_are_refused(polarized_project, tmp_path, capsys):

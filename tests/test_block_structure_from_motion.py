@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import mkdtemp
 
@@ -24,7 +24,11 @@ from texproj.demo.photographer import ShotOptions
 from texproj.demo.views import View
 from texproj.errors import InputError, RegistrationError
 from texproj.register.block.graph import PhotoGraph
-from texproj.register.block.structure_from_motion import BlockPhoto, structure_from_motion
+from texproj.register.block.structure_from_motion import (
+    BlockPhoto,
+    picture_of,
+    structure_from_motion,
+)
 from texproj.solve.retrieval import ALIKE, ALL_WITH_ALL, IN_TURN, centers_of, chosen_pairs, vlad
 
 VIEWS = tuple(
@@ -150,6 +154,65 @@ def test_what_is_known_is_not_found_again_and_gives_the_same(scene, kept, motion
     assert np.array_equal(again.parts[0].points, motion[0].parts[0].points)
     assert again.graph.matches == motion[0].graph.matches
     assert read == ["new.jpg"]
+
+
+@dataclass(frozen=True)
+class Here:
+    """Workers that are this process. damaged: a photo that cannot be read."""
+
+    photos: dict
+    damaged: str
+    count: int = 1
+
+    def features(self, name, key):
+        from texproj.colmap.work import features_of
+
+        if name == self.damaged:
+            return Refused(InputError(f"{name} is damaged"))
+        return Found(features_of(picture_of(key, self.photos[name])))
+
+    def match(self, batch):
+        from texproj.colmap.work import matched
+
+        return Found(matched(batch, threads=1))
+
+
+@dataclass(frozen=True)
+class Found:
+    value: object
+
+    def result(self, _listen):
+        return self.value
+
+
+@dataclass(frozen=True)
+class Refused:
+    why: Exception
+
+    def result(self, _listen):
+        raise self.why
+
+
+def test_workers_elsewhere_find_the_same(scene, motion, tmp_path):
+    """Features and pairs to the last bit, in a database of their own; no photo is read here, and
+    one that workers cannot read stops no other.
+    """
+    new = replace(scene[0].photos[0], info=replace(scene[0].photos[0].info, name="new.jpg"))
+    photos = {**scene[1], "new.jpg": new}
+    database, scratch = str(tmp_path / "features.db"), mkdtemp(dir=tmp_path)
+    found = structure_from_motion(
+        as_block(photos.values()),
+        lambda name: pytest.fail(f"{name} is read here"),
+        database,
+        scratch,
+        silent,
+        Here(photos, "new.jpg"),
+    )
+
+    assert found.left_out.pop("new.jpg") == "new.jpg is damaged"
+    assert found.left_out == motion[0].left_out
+    assert np.array_equal(found.parts[0].points, motion[0].parts[0].points)
+    assert found.graph.matches == motion[0].graph.matches
 
 
 def test_a_broken_database_is_begun_anew(scene, tmp_path):

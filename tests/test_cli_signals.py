@@ -52,7 +52,7 @@ def test_whoever_stops_a_run_is_answered(project_folder, tmp_path, asked, module
     )
 
     assert "Traceback" not in done.stderr
-    assert "stopped; the next run goes on" in done.stderr
+    assert "stopped; what was done is kept" in done.stderr
     assert done.returncode == 130
 
 

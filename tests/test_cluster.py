@@ -5,7 +5,9 @@ all stages, and one of three workers killed in each, that is tests/bench_cluster
 import json
 import logging
 import os
+import shutil
 import sys
+import time
 from functools import partial
 from pathlib import Path
 
@@ -19,11 +21,12 @@ from texproj.project import Project
 from texproj.resources import cluster as clusters
 from texproj.resources.cluster import ClusterError, cluster_at
 from texproj.resources.workers import WorkerLostError
-from texproj.stages import sites
+from texproj.stages import copies, sites
 from texproj.stages.bench import Workbench
 from texproj.stages.beside import searched_beside
 from texproj.stages.methods import Job, Search, search_as_asked
 from texproj.stages.sites import crew_of
+from texproj.version import __version__
 
 PHOTOS = 6
 
@@ -117,10 +120,93 @@ def test_the_work_is_not_done_here(bench):
     assert os.getpid() not in {task.result(quiet) for task in pending}
 
 
-def test_a_folder_that_workers_do_not_see_is_told(cluster, project, monkeypatch):
-    monkeypatch.setattr(sites, "_looked_at", partial(sites._looked_at, Path("/nowhere")))
-    monkeypatch.setattr(cluster.__class__, "everywhere", lambda self, work, *_: {"here": work()})
-    with pytest.raises(InputError, match="same path"), crew_of(cluster, project):
+def unseen(_root) -> tuple[str, bool]:
+    return __version__, False
+
+
+def root_of(bench) -> Path:
+    return bench.project.root
+
+
+def mesh_of(bench) -> bytes:
+    return bench.project.mesh_path.read_bytes()
+
+
+def test_a_folder_that_workers_do_not_see_is_copied(cluster, project, monkeypatch, tmp_path):
+    """They find the same from the copies, and those that are left go with the run."""
+    folder = Path(shutil.copytree(project.root, tmp_path / "there"))
+    apart = Project.open(folder)
+    monkeypatch.setattr(sites, "_looked_at", unseen)
+    monkeypatch.setattr(copies, "BLOCK", 50_000)
+    with crew_of(cluster, apart) as crew, Workbench(apart, crew) as bench:
+        jobs = [Job(bench, name, None, {}) for name in apart.photo_names]
+        here = [search_of(job) for job in jobs]
+        there = crew.submit(root_of).result(quiet)
+        told = crew.submit(mesh_of).result(quiet)
+        with searched_beside(bench, jobs, search_of, quiet) as found:
+            for path in (*apart.photo_paths.values(), apart.mesh_path):
+                path.unlink()
+            assert all(same(found(job), search) for job, search in zip(jobs, here, strict=True))
+        assert told == project.mesh_path.read_bytes()
+
+    assert there not in (folder, folder.resolve())
+    assert waited_for(lambda: not there.exists())
+
+
+class Restarting:
+    """A cluster of one machine whose worker has another address after each call, and is away or
+    lost in between.
+    """
+
+    address = "tcp://here:1"
+
+    def __init__(self, there: int) -> None:
+        self.calls, self.there = 0, there
+
+    def everywhere(self, work, *args, at=None):
+        self.calls += 1
+        worker = f"tcp://here:{self.calls}"
+        if at is not None and (self.calls < 6 or not self.there):
+            raise WorkerLostError
+        return {worker: work(*args)} if at or self.there or self.calls == 1 else {}
+
+
+def test_a_file_reaches_whichever_worker_lives(project, tmp_path, monkeypatch):
+    monkeypatch.setattr(copies, "gettempdir", lambda: str(tmp_path))
+    monkeypatch.setattr(copies, "LISTEN_S", 0.01)
+    there = copies.Copies.begun(Restarting(1), project, "run")
+    there.bring(project.mesh_path)
+    same_file = copies.copy_of("run") / project.mesh_path.relative_to(project.root)
+    monkeypatch.setattr(copies, "ALONE_S", 0.1)
+    gone = copies.Copies.begun(Restarting(0), project, "other")
+
+    assert same_file.read_bytes() == project.mesh_path.read_bytes()
+    with pytest.raises(ClusterError, match="has no worker any more"):
+        gone.bring(project.mesh_path)
+
+
+def waited_for(true) -> bool:
+    end = time.monotonic() + 20
+    while not true() and time.monotonic() < end:
+        time.sleep(0.05)
+    return true()
+
+
+def test_a_photo_outside_the_folder_cannot_be_copied(cluster, project, monkeypatch, tmp_path):
+    folder = Path(shutil.copytree(project.root, tmp_path / "there"))
+    photos = (folder / "photos").rename(tmp_path / "elsewhere")
+    (folder / "project.toml").write_text(f'photos = "{photos}"\n')
+    monkeypatch.setattr(sites, "_looked_at", unseen)
+    with (
+        pytest.raises(InputError, match="lies outside the project folder"),
+        crew_of(cluster, Project.open(folder)),
+    ):
+        pass
+
+
+def test_another_version_is_told(cluster, project, monkeypatch):
+    monkeypatch.setattr(sites, "__version__", "0.0.1")
+    with pytest.raises(InputError, match=r"same version"), crew_of(cluster, project):
         pass
 
 

@@ -1,5 +1,7 @@
 """What light does at mirrors, gloss and glass, by Mitsuba and by our own models or on paper."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from test_relight import AHEAD, LENS, UP, from_above, grid, lit, surface
@@ -14,6 +16,7 @@ from texproj.appearance.relight import (
     LitSurface,
     Sun,
     pictures_through,
+    relit_pictures,
     traced_pictures,
 )
 from texproj.camera import Camera, Pose
@@ -197,3 +200,21 @@ def test_the_blur_of_a_lens_is_that_of_the_path_tracer(mi):
     (sharp, _), (blurred, theirs) = spread
     assert blurred > 1.5 * sharp
     assert blurred == pytest.approx(theirs, rel=0.25)
+
+
+@pytest.mark.parametrize("pupil", [None, Lens(1e-3, 4.0)])
+def test_a_bent_lens_bends_the_path_tracer(mi, pupil):
+    """Distortion, and a middle off that of the picture: the outline of a plate lies where our own
+    rays have it, and elsewhere without the distortion.
+    """
+    assert mi is not None
+    bent = replace(LENS, fy=55.0, cx=21.0, dist=(0.8, 0.0, 0.02, 0.0, 0.0))
+    light = Illumination(suns=(Sun(UP, np.full(3, 1000.0)),))
+    plate = surface((1.15, 0.0))
+    camera, straight = (replace(from_above(), intrinsics=k) for k in (bent, bent.pinhole))
+    own = next(relit_pictures(CPURenderer(), plate, light, [camera]))[..., 3]
+    other = next(traced_pictures(plate, light, [camera], pupil, 16))[..., 3]
+    unbent = next(relit_pictures(CPURenderer(), plate, light, [straight]))[..., 3]
+    off = np.abs(own - other).mean()
+    assert off < 0.02
+    assert off < np.abs(own - unbent).mean() / 4

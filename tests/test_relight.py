@@ -4,9 +4,11 @@ import json
 
 import cv2
 import numpy as np
+import OpenEXR
 import pytest
 from plyfile import PlyData, PlyElement
 
+from texproj.appearance.harmonics import OPEN_GAINS, basis
 from texproj.appearance.relight import (
     TONES,
     Development,
@@ -26,6 +28,7 @@ from texproj.appearance.relight.environment import all_directions
 from texproj.appearance.relight.split_sum import split_sum
 from texproj.appearance.relight.thin_lens import falloff
 from texproj.appearance.relight.tone import metered
+from texproj.appearance.sun import spiral
 from texproj.camera import Camera, Intrinsics, Pose
 from texproj.cli import main
 from texproj.errors import InputError, UsageError
@@ -33,14 +36,15 @@ from texproj.formats.environments import read_environment
 from texproj.formats.models import write_ply
 from texproj.formats.models.read_values import read_values
 from texproj.mesh import ColoredMesh
-from texproj.photo import srgb_from_linear
+from texproj.photo import LUMINANCE, srgb_from_linear
 from texproj.project import Project
 from texproj.render.rays import CPURenderer
+from texproj.report.pictures import Front
+from texproj.stages.photographed_light import photographed
 from texproj.stages.relighting import (
     RelightOptions,
     changed_since,
     illumination,
-    photographed,
     recovered_surface,
 )
 
@@ -76,6 +80,9 @@ def surface(*squares, roughness=1.0, base=BASE):
 
 def from_above(height: float = 4.0) -> Camera:
     return Camera(LENS, Pose.look_at((0, 0, height), (0, 0, 0), (0, 1, 0)))
+
+
+ABOVE = Front(np.array([0.0, 1, 0]), np.array([0.0, 0, 1]))
 
 
 def lit(shape, *, camera=None, **lights):
@@ -195,8 +202,12 @@ def test_environments_are_read_or_refused(tmp_path):
     assert cv2.imwrite(str(tmp_path / "sky.hdr"), picture[..., ::-1])
     assert np.allclose(read_environment(tmp_path / "sky.hdr"), picture, rtol=0, atol=0.5)
     cv2.imwrite(str(tmp_path / "square.hdr"), picture[:, :16])
-    (tmp_path / "broken.hdr").write_bytes((tmp_path / "sky.hdr").read_bytes()[:60])
-    for name in ("square.hdr", "broken.hdr", "none.hdr"):
+    half = {"compression": OpenEXR.PIZ_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(half, {"RGB": picture.astype(np.float16)}).write(str(tmp_path / "sky.exr"))
+    assert np.allclose(read_environment(tmp_path / "sky.exr"), picture, rtol=1e-3, atol=0)
+    for kind in ("hdr", "exr"):
+        (tmp_path / f"broken.{kind}").write_bytes((tmp_path / f"sky.{kind}").read_bytes()[:60])
+    for name in ("square.hdr", "broken.hdr", "none.hdr", "broken.exr", "none.exr"):
         with pytest.raises(InputError, match=name):
             read_environment(tmp_path / name)
 
@@ -238,9 +249,33 @@ def test_a_light_that_cannot_be_is_none(project_folder, light):
 
 def test_a_sky_without_a_sun(project_folder):
     light = {"sky": SKY, "sun": None}
-    sky, sun = photographed(appeared(project_folder, json.dumps(light)))
-    assert sky.tolist() == SKY
-    assert sun is None
+    found = photographed(appeared(project_folder, json.dumps(light)))
+    assert found.sky.tolist() == SKY
+    assert found.sun is None
+
+
+def test_the_photographed_light_lights_as_it_was_found(project_folder):
+    """A sky that is bright and blue above, of red light low on one side: its harmonics ring below 0
+    elsewhere, and yet surfaces of all directions get the light and the tint that was found, within
+    4 % of the brightest; and a white one shows it as the photos did.
+    """
+    above, side = spiral(4000)[:, 2:] > 0.7, spiral(4000)[:, :1] > 0.8
+    radiance = above * np.array([0.5, 0.7, 1.0]) + side * np.array([1.5, 0.8, 0.4]) + 0.02
+    sky = basis(spiral(4000)).T @ radiance * (4 * np.pi / 4000)
+    told = appeared(project_folder, json.dumps({"sky": sky.tolist(), "sun": None}))
+    found = photographed(told)
+    wanted = basis(spiral(60)) * OPEN_GAINS @ sky
+    assert (basis(spiral(60)) @ sky).min() < -0.1 * wanted.max() / np.pi
+
+    picture = found.shown(UP, AHEAD)[0]
+    local, solid = all_directions(64, 32)
+    world = local.reshape(-1, 3) @ np.stack([np.cross(AHEAD, UP), UP, AHEAD])
+    arriving = np.maximum(spiral(60) @ world.T, 0) * solid.ravel()
+    light = arriving @ picture.radiance.reshape(-1, 3) / found.lux
+
+    assert picture.radiance.min() >= 0
+    assert np.abs(light - wanted).max() < 0.04 * wanted.max()
+    assert found.lux * (light @ LUMINANCE).max() == pytest.approx(12_000, rel=0.05)
 
 
 @pytest.mark.parametrize("sky", ["none", "dark.hdr"])
@@ -250,7 +285,7 @@ def test_no_light_shows_nothing(project_folder, sky):
     cv2.imwrite(str(project_folder / "dark.hdr"), np.zeros((16, 32, 3), np.float32))
     options = RelightOptions(sky=dark)
     with pytest.raises(UsageError, match="there is no light: the sky is"):
-        illumination(Project.open(project_folder), options, surface((1.0, 0.0)), [from_above()])
+        illumination(Project.open(project_folder), options, surface((1.0, 0.0)), ABOVE)
 
 
 def test_another_mesh_than_the_recovered_one_is_refused(project_folder):

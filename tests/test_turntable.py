@@ -16,8 +16,10 @@ from texproj.mesh import ColoredMesh, Mesh
 from texproj.options import RenderOptions
 from texproj.project import Project
 from texproj.render import ModelLook, model_pictures, open_renderer
+from texproj.report.pictures import Front
 from texproj.stages.bench import Workbench
 from texproj.stages.film_path import film_path
+from texproj.stages.fronts import front
 from texproj.stages.turning import TurntableOptions, turn_project
 
 
@@ -60,11 +62,9 @@ def test_a_film_of_a_wall_swings(wall, capsys, film):
 
 def path_around(mesh, frames=8):
     """The way of a film around a mesh that was photographed from -z."""
-    camera = Camera(
-        Intrinsics(64, 64, 64, 64, 32, 32), Pose.look_at((0, 0, -4), (0, 0, 0), (0, -1, 0))
-    )
+    front = Front(np.array([0.0, -1, 0]), np.array([0.0, 0, -1]))
     with open_renderer(RenderOptions()) as renderer, renderer.load(mesh) as scene:
-        return film_path(SimpleNamespace(mesh=mesh, plain_scene=scene), [camera], frames)
+        return film_path(SimpleNamespace(mesh=mesh, plain_scene=scene), front, frames)
 
 
 def test_what_is_closed_is_turned_about():
@@ -147,3 +147,14 @@ def test_a_model_of_another_mesh_is_not_filmed(wall, tmp_path, capsys):
 
     assert run(["turntable", str(moved), "--size", "32", "--frames", "2"]) == 2
     assert f"{mesh} has changed since it was colored; run `texproj color" in capsys.readouterr().err
+
+
+def test_the_film_stands_as_the_settings_say(wall):
+    """Photos from -z, upward -y; with x named as up the front is turned by a quarter."""
+    plain = front(Project.open(wall), mesh := Project.open(wall).load_mesh().mesh)
+    (wall / "project.toml").write_text('[output]\nup = "x"\n')
+    named = front(Project.open(wall), mesh)
+    (wall / "project.toml").unlink()
+
+    assert abs(plain.up[0]) < 0.1
+    assert named.up.tolist() == [1, 0, 0] and abs(named.level @ named.up) < 1e-9

@@ -57,7 +57,7 @@ from texproj.settings import Settings, read_settings
 
 SETTINGS_FILE = "project.toml"
 CAMERAS_FILE = "cameras.json"
-MASKS_FOLDER, CROSSED_FOLDER = "masks", "photos-crossed"
+MASKS_FOLDER, CROSSED_FOLDER, PICKS_FOLDER = "masks", "photos-crossed", "correspondences"
 AS_USUAL = DevelopOptions()
 UNREADABLE = "cannot be read"
 """In place of the hash of a file that may not be read."""
@@ -157,13 +157,23 @@ class Project:
         """The folder of the photos."""
         return self.root / self.settings.photos
 
+    @property
+    def masks(self) -> Path:
+        """The folder of the stencils."""
+        return self.root / MASKS_FOLDER
+
+    @property
+    def picks(self) -> Path:
+        """The folder of the picked points."""
+        return self.root / PICKS_FOLDER
+
     @cached_property
     def _photos(self) -> Found:
         return find_photos(self.photos, PHOTO_SUFFIXES)
 
     @cached_property
     def _masks(self) -> Found:
-        return find_masks(self.root / MASKS_FOLDER, self._photos.paths)
+        return find_masks(self.masks, self._photos.paths)
 
     @cached_property
     def crossed(self) -> Found:
@@ -172,7 +182,7 @@ class Project:
 
     @cached_property
     def _picks(self) -> Found:
-        return find_picks(self.root / "correspondences", self._photos.paths)
+        return find_picks(self.picks, self._photos.paths)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -229,7 +239,7 @@ class Project:
 
     def correspondences_path(self, name: str) -> Path:
         """Where the picks of photo `name` are, or would be. Raises InputError for two files."""
-        usual = self.root / "correspondences" / f"{Path(name).stem}.csv"
+        usual = self.picks / f"{Path(name).stem}.csv"
         return one_of(self._picks, name) or usual
 
     def load_correspondences(self, name: str) -> Correspondences | None:
@@ -344,11 +354,20 @@ class Project:
 
     def occluder_path(self, name: str) -> Path:
         """The mask of what stands in front of the piece in a photo, where there is such a thing."""
-        return self.work / "occluders" / f"{Path(name).stem}.png"
+        return self.occluders / f"{Path(name).stem}.png"
+
+    @property
+    def occluders(self) -> Path:
+        """The folder of such masks."""
+        return self.work / "occluders"
+
+    def array_path(self, key: str) -> Path:
+        """The file in which an array is cached."""
+        return self.work / "arrays" / f"{key}.npy"
 
     def load_array(self, key: str) -> NDArray[Any] | None:
         """The array cached under `key`, None if there is none."""
-        path = self.work / "arrays" / f"{key}.npy"
+        path = self.array_path(key)
         try:
             return np.load(path, allow_pickle=False) if path.is_file() else None
         except (OSError, ValueError, EOFError):
@@ -356,8 +375,9 @@ class Project:
 
     def save_array(self, key: str, array: NDArray[Any]) -> None:
         """Cache an array under `key`. Raises OutputError."""
-        with staging(self.work / "arrays") as folder:
-            np.save(folder / f"{key}.npy", array, allow_pickle=False)
+        path = self.array_path(key)
+        with staging(path.parent) as folder:
+            np.save(folder / path.name, array, allow_pickle=False)
 
     def hash_of(self, path: Path | None) -> str | None:
         """Hash of a file's content, read again only when its size or time changed; one that may not
@@ -394,7 +414,7 @@ class Project:
 
     def remove_unfinished(self) -> None:
         """Delete what an interrupted run left behind."""
-        here = (self.root, self.root / "correspondences", self.root / MASKS_FOLDER)
+        here = (self.root, self.picks, self.masks)
         made = (p for top in (self.work, self.out) for p in (top, *top.rglob("*")) if p.is_dir())
         for folder in (*here, *made):
             remove_unfinished(folder)

@@ -32,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # A library may have turned the request into an error of its own.
         if not (STOP.is_set() or isinstance(error, KeyboardInterrupt)):
             raise
-        sys.stderr.write("texproj: stopped; the next run goes on where this one was\n")
+        sys.stderr.write("texproj: stopped; what was done is kept: the same command goes on\n")
         return STOPPED
     finally:
         for number, handler in before.items():

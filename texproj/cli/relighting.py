@@ -50,12 +50,19 @@ class RelightFlags:
         Parameter(help="Color of suns and lamps: 2700 is a bulb, 5500 the sun. [default: white]"),
     ] = None
     ev: Annotated[
-        float | None, Parameter(help="Exposure at ISO 100. [default: as a camera meters]")
+        float | None,
+        Parameter(
+            help="Exposure at ISO 100. [default: as a camera meters; as the photos were, in their"
+            " light alone]"
+        ),
     ] = None
     tone: Annotated[
-        Literal["none", "reinhard", "filmic", "aces"],
-        Parameter(help="The curve from light to what a screen shows."),
-    ] = "filmic"
+        Literal["none", "reinhard", "filmic", "aces"] | None,
+        Parameter(
+            help="The curve from light to what a screen shows. [default: filmic; none in the"
+            " photos' light alone]"
+        ),
+    ] = None
     photo: Annotated[
         str | None, Parameter(help="Look from where this photo was taken. [default: the front]")
     ] = None

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
 import sqlite3
-import threading
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
@@ -15,7 +15,7 @@ import pycolmap
 
 from texproj.arrays import Floats, Ints
 from texproj.camera import Intrinsics
-from texproj.colmap.messages import Lens, Picture, Task
+from texproj.colmap.messages import Batch, Features, Lens, Match, Task
 from texproj.solve.retrieval import (
     ALL_WITH_ALL,
     centers_of,
@@ -24,9 +24,6 @@ from texproj.solve.retrieval import (
     vlad,
 )
 
-MOST_FEATURES = 6000
-PEAK_THRESHOLD = 0.004
-"""Contrast of a feature: lower than COLMAP's, since stone in soft light has little."""
 USUAL_FOCAL = 1.2
 """Focal length where nothing is known, widths of the photo."""
 SEED = 0
@@ -39,7 +36,6 @@ class FeatureStore:
 
     def __init__(self, task: Task) -> None:
         self._task = task
-        self._local = threading.local()
         self._db = _opened(Path(task.database))
         self._ids = self._entered()
 
@@ -108,24 +104,17 @@ class FeatureStore:
         number = self._ids[key]
         return bool(self._db.exists_keypoints(number) and self._db.exists_descriptors(number))
 
-    def features(self, picture: Picture) -> tuple[Floats, Any]:
-        """Keypoints (n, 4) and descriptors of a picture, none where its mask is 0."""
-        if not hasattr(self._local, "extractor"):
-            self._local.extractor = pycolmap.FeatureExtractor.create(_extraction())
-        found, descriptors = self._local.extractor.extract_from_uint8_array(picture.gray)
-        points = np.asarray(pycolmap.keypoints_to_matrix(found), np.float32)
-        if picture.mask is None or not len(points):
-            return points, descriptors
-        column, row = points[:, :2].astype(int).T
-        height, width = picture.mask.shape
-        kept = picture.mask[row.clip(0, height - 1), column.clip(0, width - 1)] > 0
-        data = np.asarray(descriptors.data)[kept]
-        return points[kept], pycolmap.FeatureDescriptors(descriptors.type, data)
-
-    def save_features(self, key: str, points: Floats, descriptors: Any) -> None:
+    def save_features(self, found: Features) -> None:
         """Keep a photo's features."""
-        self._db.write_keypoints(self._ids[key], points)
-        self._db.write_descriptors(self._ids[key], descriptors)
+        number = self._ids[found.key]
+        self._db.write_keypoints(number, found.points)
+        self._db.write_descriptors(number, pickle.loads(found.descriptors))
+
+    def load_features(self, key: str) -> Features:
+        """A photo's features."""
+        number = self._ids[key]
+        points = self._db.read_keypoints(number)
+        return Features(key, points, pickle.dumps(self._db.read_descriptors(number)))
 
     def chosen_pairs(self) -> list[tuple[str, str]]:
         """Keys of the photos that are worth matching."""
@@ -156,6 +145,26 @@ class FeatureStore:
         pairing = pycolmap.ImportedPairingOptions()
         pairing.match_list_path = str(file)
         pycolmap.match_image_pairs(self._task.database, matching, pairing, verifying)
+
+    def load_match(self, pair: tuple[str, str]) -> Match:
+        """What came of matching a pair."""
+        ids = [self._ids[key] for key in pair]
+        geometry = self._db.read_two_view_geometry(*ids)
+        return Match(pair, self._db.read_matches(*ids), pickle.dumps(geometry))
+
+    def save_match(self, match: Match) -> None:
+        """Keep what came of matching a pair."""
+        ids = [self._ids[key] for key in match.pair]
+        self._db.write_matches(*ids, match.rows)
+        self._db.write_two_view_geometry(*ids, pickle.loads(match.geometry))
+
+    def batch(self, pairs: Sequence[tuple[str, str]]) -> Batch:
+        """What somebody else needs to match pairs."""
+        keys = sorted({key for pair in pairs for key in pair}, key=lambda key: self._ids[key])
+        lens_of = dict(zip(self._task.keys, self._task.lens_of, strict=True))
+        numbers = tuple(lens_of[key] for key in keys)
+        features = tuple(map(self.load_features, keys))
+        return Batch(features, self._task.lenses, numbers, tuple(pairs))
 
     def verified(self, pairs: Sequence[tuple[str, str]]) -> tuple[Ints, Ints]:
         """(k, 2) numbers of photos and (k,) how many matches each pair has, pairs with any."""
@@ -198,15 +207,6 @@ def _facts(camera: Any) -> tuple[Any, ...]:
     """What makes two cameras of the database the same."""
     params = tuple(float(value) for value in camera.params)
     return camera.model, camera.width, camera.height, params, camera.has_prior_focal_length
-
-
-def _extraction() -> Any:
-    options = pycolmap.FeatureExtractionOptions()
-    options.num_threads = 1
-    options.sift.max_num_features = MOST_FEATURES
-    options.sift.peak_threshold = PEAK_THRESHOLD
-    options.sift.first_octave = 0
-    return options
 
 
 def camera_of(lens: Lens) -> Any:

@@ -30,7 +30,8 @@ class Lens:
 @dataclass(frozen=True)
 class Task:
     """database: path of the file that keeps features and matches from run to run; scratch: an empty
-    folder; keys: per photo, another one for other content; lens_of: per photo, number of its lens.
+    folder; keys: per photo, another one for other content; lens_of: per photo, number of its lens;
+    ahead: batches of pairs that may be on their way to whoever matches them elsewhere, 0: none is.
     """
 
     database: str
@@ -39,6 +40,7 @@ class Task:
     lenses: tuple[Lens, ...]
     lens_of: tuple[int, ...]
     threads: int
+    ahead: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +52,55 @@ class Picture:
     mask: Bytes | None
 
 
+@dataclass(frozen=True, eq=False)
+class Features:
+    """What was found in a picture. points: (n, 4 or 6) float32 keypoints; descriptors: COLMAP's
+    own, pickled, since others need not know them.
+    """
+
+    key: str
+    points: Floats
+    descriptors: bytes
+
+
 @dataclass(frozen=True)
 class Complete:
     """There are no more pictures."""
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Pairs to be matched elsewhere. features: of the photos in question, in the order of the
+    database; lenses, lens_of: as in `Task`, of these photos; pairs: (a, b) keys.
+    """
+
+    features: tuple[Features, ...]
+    lenses: tuple[Lens, ...]
+    lens_of: tuple[int, ...]
+    pairs: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class Awaited:
+    """The oldest batch is waited for."""
+
+
+@dataclass(frozen=True, eq=False)
+class Match:
+    """Of a pair: (n, 2) uint32 rows of keypoints that look alike, and COLMAP's own verdict on their
+    geometry, pickled.
+    """
+
+    pair: tuple[str, str]
+    rows: Ints
+    geometry: bytes
+
+
+@dataclass(frozen=True, eq=False)
+class Matched:
+    """What came of a batch."""
+
+    matches: tuple[Match, ...]
 
 
 @dataclass(frozen=True)

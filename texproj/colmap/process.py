@@ -9,7 +9,7 @@ import sys
 import threading
 import traceback
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from queue import Queue
@@ -20,7 +20,9 @@ import numpy as np
 from texproj.colmap.database import FeatureStore
 from texproj.colmap.mapping import mapped
 from texproj.colmap.messages import (
+    Awaited,
     Failed,
+    Features,
     Picture,
     Result,
     Task,
@@ -29,12 +31,15 @@ from texproj.colmap.messages import (
     receive,
     send,
 )
+from texproj.colmap.work import features_of
 
 BATCH = 24
 """Pairs that are matched between two reports: what is lost when the work is stopped. With half as
 many it takes a sixth longer, since descriptors are indexed for each batch."""
 WAITING = 2
 """Pictures that may wait; the others stay where they come from."""
+
+Pair = tuple[str, str]
 
 
 def main() -> None:
@@ -72,9 +77,10 @@ def _serve(inbox: Queue[Any], out: IO[bytes]) -> None:
         pairs = store.chosen_pairs()
         calibrated = store.calibrated_cameras()
         fresh = [pair for pair in pairs if not store.was_matched(*pair)]
-    for start in range(0, len(fresh), BATCH):
-        send(out, Told("matching", start, len(fresh)))
-        store.match(fresh[start : start + BATCH], Path(task.scratch) / "pairs.txt")
+    if task.ahead:
+        _match_elsewhere(task, fresh, inbox, out)
+    else:
+        _match(store, fresh, Path(task.scratch) / "pairs.txt", out)
 
     def told(placed: int) -> None:
         send(out, Told("placing", placed, len(task.keys)))
@@ -85,32 +91,59 @@ def _serve(inbox: Queue[Any], out: IO[bytes]) -> None:
         send(out, Result(models, *store.verified(pairs)))
 
 
-def _pictures(inbox: Queue[Any]) -> Iterator[Picture]:
-    while isinstance(message := inbox.get(), Picture):
+def _match(store: FeatureStore, pairs: Sequence[Pair], file: Path, out: IO[bytes]) -> None:
+    for start in range(0, len(pairs), BATCH):
+        send(out, Told("matching", start, len(pairs)))
+        store.match(pairs[start : start + BATCH], file)
+
+
+def _match_elsewhere(task: Task, pairs: Sequence[Pair], inbox: Queue[Any], out: IO[bytes]) -> None:
+    """Have pairs matched by whoever listens, as many batches at once as the task allows."""
+    starts = range(0, len(pairs), BATCH)
+    sent = 0
+    with FeatureStore(task) as store:
+        for done, at in enumerate(starts):
+            for start in starts[sent : done + task.ahead]:
+                send(out, store.batch(pairs[start : start + BATCH]))
+                sent += 1
+            send(out, Told("matching", at, len(pairs)))
+            send(out, Awaited())
+            for match in inbox.get().matches:
+                store.save_match(match)
+
+
+def _pictures(inbox: Queue[Any]) -> Iterator[Picture | Features]:
+    while isinstance(message := inbox.get(), Picture | Features):
         yield message
 
 
 def _extract(
-    store: FeatureStore, pictures: Iterator[Picture], count: int, threads: int, out: IO[bytes]
+    store: FeatureStore,
+    coming_in: Iterator[Picture | Features],
+    count: int,
+    threads: int,
+    out: IO[bytes],
 ) -> None:
-    """Find and keep the features of pictures as they come."""
-    coming: deque[tuple[str, Future[Any]]] = deque()
+    """Find and keep the features of pictures as they come; keep those that were found elsewhere."""
+    coming: deque[Future[Features]] = deque()
     done = 0
 
-    def finish() -> None:
+    def keep(found: Features) -> None:
         nonlocal done
-        key, found = coming.popleft()
-        store.save_features(key, *found.result())
+        store.save_features(found)
         done += 1
         send(out, Told("features", done, count))
 
     with ThreadPoolExecutor(threads) as pool:
-        for picture in pictures:
-            coming.append((picture.key, pool.submit(store.features, picture)))
+        for message in coming_in:
+            if isinstance(message, Features):
+                keep(message)
+                continue
+            coming.append(pool.submit(features_of, message))
             if len(coming) > threads:
-                finish()
+                keep(coming.popleft().result())
         while coming:
-            finish()
+            keep(coming.popleft().result())
 
 
 if __name__ == "__main__":

@@ -17,8 +17,12 @@ from queue import Empty, Queue
 from typing import IO, Any
 
 from texproj.colmap.messages import (
+    Awaited,
+    Batch,
     Complete,
     Failed,
+    Features,
+    Matched,
     Picture,
     Result,
     Task,
@@ -28,6 +32,7 @@ from texproj.colmap.messages import (
     send,
 )
 from texproj.errors import RegistrationError
+from texproj.resources.workers import Pending
 
 LISTEN_S = 0.25
 """Seconds between two chances to stop the work."""
@@ -39,6 +44,11 @@ BEGIN = Told("features", 0, 0)
 Listen = Callable[[str, int, int], None]
 """``listen(what, done, total)``, several times a second; it may raise to stop the work."""
 
+Source = Callable[[Sequence[str]], Iterator[Picture | Features]]
+"""Makes the pictures of some keys, or finds their features elsewhere."""
+Match = Callable[[Batch], Pending[Matched]]
+"""Has a batch matched elsewhere."""
+
 logger = logging.getLogger(__name__)
 
 
@@ -47,10 +57,9 @@ def available() -> bool:
     return find_spec("pycolmap") is not None
 
 
-def run_colmap(
-    task: Task, pictures: Callable[[Sequence[str]], Iterator[Picture]], listen: Listen
-) -> Result:
-    """What COLMAP makes of the photos of a task. pictures: makes those of the keys that it lacks.
+def run_colmap(task: Task, source: Source, listen: Listen, match: Match | None = None) -> Result:
+    """What COLMAP makes of the photos of a task. source: is asked for those that it lacks; match:
+    who matches pairs where the task has them matched elsewhere.
 
     The process is gone when this returns or raises. Raises RegistrationError where it cannot go
     on, and whatever `listen` raises.
@@ -60,11 +69,25 @@ def run_colmap(
         ears.open()
         with suppress(OSError):  # of a broken pipe; what is heard tells why
             send(_pipe(process.stdin), task)
-            for picture in pictures(ears.next(Wanted).keys):
-                send(_pipe(process.stdin), picture)
+            for message in source(ears.next(Wanted).keys):
+                send(_pipe(process.stdin), message)
                 ears.listen_once()
             send(_pipe(process.stdin), Complete())
+            if match is not None:
+                return _matched_elsewhere(ears, match)
         return ears.next(Result)
+
+
+def _matched_elsewhere(ears: _Ears, match: Match) -> Result:
+    """The result, batches matched by others on the way."""
+    coming: deque[Pending[Matched]] = deque()
+    while not isinstance(message := ears.next(Batch | Awaited | Result), Result):
+        if isinstance(message, Batch):
+            coming.append(match(message))
+        else:
+            found = coming.popleft().result(ears.listen_once)
+            send(_pipe(ears.process.stdin), found)
+    return message
 
 
 @contextmanager
@@ -115,8 +138,10 @@ class _Ears:
     def listen_once(self) -> None:
         self.listen(self.last.what, self.last.done, self.last.total)
 
-    def next(self, kind: type[Any]) -> Any:
-        """The next message of a kind. Raises RegistrationError where there will be none."""
+    def next(self, kind: Any) -> Any:
+        """The next message of a kind, or of several (`A | B`). Raises RegistrationError where there
+        will be none.
+        """
         while True:
             self.listen_once()
             with suppress(Empty):

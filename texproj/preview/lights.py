@@ -13,9 +13,8 @@ from texproj.arrays import Doubles
 from texproj.errors import InputError
 from texproj.preview.surface import Surface
 from texproj.project import Project
-from texproj.report.pictures import frame_of
-from texproj.stages.depicting import registered_cameras
-from texproj.stages.relighting import SKY_LUX, SUN_LUX, photographed
+from texproj.stages.fronts import front
+from texproj.stages.photographed_light import SKY_LUX, SUN_LUX, photographed
 
 KELVIN = tuple(range(2000, 12001, 250))
 """Colors of the sun that can be chosen."""
@@ -29,8 +28,7 @@ def lights(project: Project, surface: Surface) -> dict[str, Any]:
     it, if they had one, and its irradiance over the sky's there; sun_lux: of a clear day; tints:
     linear RGB of each of `kelvin`, of luminance 1.
     """
-    mesh = surface.source.mesh
-    up, level = frame_of(mesh, registered_cameras(project.load_cameras()))
+    up, level = front(project, surface.source.mesh)
     skies = {"overcast": _irradiance(overcast(up, -level, SKY_LUX)).tolist()}
     found = _found(project)
     if found is not None:
@@ -59,10 +57,11 @@ def _irradiance(sky: Environment) -> Doubles:
 def _found(project: Project) -> tuple[Doubles, dict[str, Any] | None] | None:
     """The sky (9, 3) and the sun that light.json tells of; None where there is none."""
     try:
-        sky, sun = photographed(project)
+        found = photographed(project)
     except InputError:
         return None
-    told = None
+    told, sun = None, found.sun
     if sun is not None:
-        told = {"direction": sun.toward.tolist(), "irradiance": sun.illuminance.tolist()}
-    return OPEN_GAINS[:, None] * sky, told
+        light = found.lux * sun.illuminance
+        told = {"direction": sun.toward.tolist(), "irradiance": light.tolist()}
+    return OPEN_GAINS[:, None] * found.lux * found.sky, told

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -13,7 +14,6 @@ from texproj.camera import Camera, Intrinsics, Pose
 from texproj.mesh import Mesh
 from texproj.photo import Correspondences, Photo
 from texproj.render import GBuffer
-from texproj.standing import upward
 
 Direction = NDArray[np.float64]
 
@@ -120,33 +120,37 @@ def on_backdrop(picture: Bytes) -> Bytes:
     return np.round(picture[..., :3] * alpha + BACKDROP * (1 - alpha)).astype(np.uint8)
 
 
-def frame_of(mesh: Mesh, cameras: Sequence[Camera]) -> tuple[Direction, Direction]:
-    """Upward, as in the photos, and level to where most photos were taken: (3,) unit vectors at
-    right angles.
+class Front(NamedTuple):
+    """How somebody stands before a mesh. up: upward, level: towards him; (3,) unit vectors at right
+    angles, in the scan's frame.
     """
-    up, front = upward(cameras), _frontal(cameras, mesh.center)
-    level = front - up * (front @ up)
+
+    up: Direction
+    level: Direction
+
+
+def front_of(mesh: Mesh, cameras: Sequence[Camera], up: Sequence[float]) -> Front:
+    """Before the mesh from where most photos were taken. up: (3,) unit, how the scan stands."""
+    upward, front = np.array(up, np.float64), _frontal(cameras, mesh.center)
+    level = front - upward * (front @ upward)
     if np.linalg.norm(level) < 1e-6:  # all photos from above
-        level = np.cross(up, np.roll(up, 1))
-    return up, _unit(level)
+        level = np.cross(upward, np.roll(upward, 1))
+    return Front(upward, _unit(level))
 
 
-def viewpoints(mesh: Mesh, cameras: Sequence[Camera]) -> list[Camera]:
-    """Cameras around the mesh, the first from where most photos were taken.
-
-    Upward in the views is upward in the photos.
-    """
-    views = around(mesh, cameras, VIEW_ANGLES_DEG, VIEW_SIZE)
+def viewpoints(mesh: Mesh, front: Front) -> list[Camera]:
+    """Cameras around the mesh, the first from its front."""
+    views = around(mesh, front, VIEW_ANGLES_DEG, VIEW_SIZE)
     return [Camera(_filling_lens(mesh, [view.pose], VIEW_SIZE), view.pose) for view in views]
 
 
 def around(
-    mesh: Mesh, cameras: Sequence[Camera], angles_deg: Sequence[float], size: tuple[int, int]
+    mesh: Mesh, front: Front, angles_deg: Sequence[float], size: tuple[int, int]
 ) -> list[Camera]:
     """Cameras of one lens around the mesh, turned by these angles from the front; size: width and
     height of their pictures.
     """
-    up, level = frame_of(mesh, cameras)
+    up, level = front
     elevation = np.radians(VIEW_ELEVATION_DEG)
     back = np.cos(elevation) * level + np.sin(elevation) * up
     poses = []

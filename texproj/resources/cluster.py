@@ -10,11 +10,12 @@ import logging
 import re
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Generic, TypeVar
+from urllib.parse import urlsplit
 
 from texproj.errors import TexprojError, UsageError
 from texproj.resources.workers import LISTEN_S, THREADS, Pending, WorkerLostError
@@ -28,6 +29,8 @@ CONNECT_S, CLOSE_S = 10, 2
 ALONE_S = 180
 """Seconds without any worker after which nobody will come: one that died is back before, on a busy
 machine, too."""
+TRIES = 3
+"""To reach all workers, of which one may end just then."""
 SILENT = "60 s"
 """After which a worker of this machine that gives no sign of life is taken for dead: reading the
 largest mesh keeps one silent for half of that."""
@@ -46,36 +49,52 @@ class ClusterError(TexprojError):
 @dataclass(frozen=True, eq=False)
 class Cluster:
     """The workers of a Dask cluster. address: as it was asked for; dashboard: a link to what it is
-    doing; client: Dask's.
+    doing; client: Dask's; hosts: the machines that tasks are for, none for all.
     """
 
     address: str
     dashboard: str
     client: Any
+    hosts: frozenset[str] = frozenset()
     _alone_since: list[float] = field(default_factory=list)
 
     @property
     def count(self) -> int:
         """Workers that are there now."""
-        return len(self.client.scheduler_info(n_workers=-1)["workers"])
+        there = self.client.scheduler_info(n_workers=-1)["workers"]
+        return sum(not self.hosts or host_of(worker) in self.hosts for worker in there)
+
+    def on(self, workers: Iterable[str]) -> Cluster:
+        """The same, tasks for the machines of these workers alone: those that come later have not
+        been looked at.
+        """
+        return replace(self, hosts=frozenset(map(host_of, workers)))
 
     def submit(self, work: Callable[..., T], *args: Any) -> Pending[T]:
         """Have ``work(*args)`` run by whoever is free."""
 
         def begin() -> Any:
-            return self.client.submit(_in_one_thread, work, *args, pure=False)
+            where = sorted(self.hosts) or None
+            return self.client.submit(_in_one_thread, work, *args, pure=False, workers=where)
 
         return _Task(self, begin, [begin()])
 
-    def everywhere(self, work: Callable[..., T], *args: Any) -> dict[str, T]:
-        """What ``work(*args)``, which must be quick, gives in each worker, by its address. Raises
-        ClusterError.
+    def everywhere(
+        self, work: Callable[..., T], *args: Any, at: Sequence[str] | None = None
+    ) -> dict[str, T]:
+        """What ``work(*args)``, which must be quick, gives in each worker, by its address. at: of
+        these workers alone. Raises ClusterError, WorkerLostError where one ends meanwhile time and
+        again.
         """
-        try:
-            found: dict[str, T] = self.client.run(work, *args)
-        except (OSError, CancelledError) as error:
-            raise self.gone() from error
-        return found
+        for _ in range(TRIES):
+            try:
+                found: dict[str, T] = self.client.run(work, *args, workers=at and [*at])
+            except (OSError, CancelledError) as error:
+                if self.client.status != "running":
+                    raise self.gone() from error
+            else:
+                return found
+        raise WorkerLostError
 
     def after_tasks(self, work: Callable[[], None]) -> None:
         """Have each worker call ``work()`` after the task that it is at."""
@@ -142,6 +161,11 @@ class _Task(Generic[T]):
         except CancelledError as error:
             raise self.cluster.gone() from error
         return found
+
+
+def host_of(worker: str) -> str:
+    """The machine in a worker's address, ``tcp://host:port``."""
+    return urlsplit(worker).hostname or worker
 
 
 @contextmanager

@@ -6,8 +6,9 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import cached_property
+from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,13 +51,20 @@ class Recent(Generic[K, V]):
         return value
 
 
+class Crew(Workers, Protocol):
+    """Workers that know a project: a task of theirs gets its workbench there before all else."""
+
+    def bring(self, *places: Path) -> None:
+        """Have files and folders of the project that were made since where workers see them."""
+
+
 class Workbench:
     """Mesh, renderer and scene of a project; a context manager that releases them.
 
     crew: the workers of a cluster that know the project, if one was asked for.
     """
 
-    def __init__(self, project: Project, crew: Workers | None = None) -> None:
+    def __init__(self, project: Project, crew: Crew | None = None) -> None:
         self.project, self.crew = project, crew
         self._open = ExitStack()
         self._features: Recent[str, Features] = Recent(128)
@@ -109,6 +117,8 @@ class Workbench:
         """Have ambient occlusion in work/, where other processes find it."""
         if self.kept_occlusion is None:
             self.project.save_array(self._occlusion_key, self.occlusion)
+        if self.crew is not None:
+            self.crew.bring(self.project.array_path(self._occlusion_key))
 
     @property
     def kept_occlusion(self) -> NDArray[np.float32] | None:

@@ -25,6 +25,7 @@ from texproj.stages.bench import Workbench
 from texproj.stages.block_fits import Told, load_reduced
 from texproj.stages.block_holding import held
 from texproj.stages.block_search import searched
+from texproj.stages.block_tasks import BlockByCrew
 from texproj.stages.choosing import chosen_fits
 from texproj.stages.entries import start_of
 from texproj.stages.lenses import lens_of
@@ -66,6 +67,7 @@ def place_together(
                 str(bench.project.features_path()),
                 scratch,
                 lambda what, done, total: progress(what, done, total, ""),
+                None if bench.crew is None else BlockByCrew(bench.crew),
             )
     except RegistrationError as error:
         refused: Told = dict.fromkeys(names, str(error))

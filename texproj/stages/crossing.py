@@ -20,7 +20,7 @@ from texproj.project import CROSSED_FOLDER, Project
 from texproj.stages.attending import attended
 from texproj.stages.bench import Workbench
 from texproj.stages.coloring import photo_set
-from texproj.stages.freshness import Inputs, file_inputs
+from texproj.stages.freshness import Inputs
 
 if TYPE_CHECKING:
     from texproj.appearance.flash.lamp import Lamp
@@ -70,7 +70,7 @@ def photo_pairs(project: Project, cameras: Mapping[str, Camera]) -> PhotoPairs:
     for note in project.crossed.notes:
         failed[note.split(" is ignored")[0]] = note
     if not kept:
-        unfit = [failed[name] for name in cameras if one_of(project.crossed, name) is not None]
+        unfit = [failed[name] for name in cameras if name in project.crossed.paths]
         if unfit:
             raise InputError(f"no crossed photo can be used: {'; '.join(unfit)}")
         raise InputError(
@@ -122,11 +122,17 @@ def _exposure(project: Project, name: str) -> float:
 
 
 def crossed_inputs(project: Project) -> Inputs:
-    """The crossed photos, where the settings ask for them."""
+    """The crossed photos, where the settings ask for them; of several partners all."""
     if project.settings.light.kind != "polarized":
         return {}
-    found = {f"crossed {name}": one_of(project.crossed, name) for name in project.photo_names}
-    return file_inputs(project, **found)
+    found = project.crossed
+    claims = {
+        name: found.several.get(name) or (found.paths.get(name),) for name in project.photo_names
+    }
+    return {
+        f"crossed {name}": " ".join(project.hash_of(path) or "none" for path in paths)
+        for name, paths in claims.items()
+    }
 
 
 def with_mirrors(

@@ -23,7 +23,6 @@ from texproj.report.pictures import (
     OVERLAY_LONGEST,
     draw_picks,
     encoded,
-    frame_of,
     marked_hidden,
     on_backdrop,
     overlay,
@@ -31,6 +30,7 @@ from texproj.report.pictures import (
 )
 from texproj.stages.bench import Workbench
 from texproj.stages.coloring import STAGE as COLOR
+from texproj.stages.fronts import front
 from texproj.stages.kept_pictures import Kept
 from texproj.stages.writing import GLB, OBJ, PLY
 
@@ -59,29 +59,23 @@ def pictures(bench: Workbench, records: dict[str, CameraRecord], tell: Tell) -> 
         if (record := records.get(name)) and (camera := record.registered_camera)
     }
     chosen = dict(list(cameras.items())[:MOST_COMPARED])
-    shown = kept.model(chosen, records, lambda: _of_model(bench, chosen, records))
+    shown = kept.model(chosen, records, lambda: _of_model(bench, chosen))
     return Pictures(overlays, shown["models"], shown["views"], shown["packed"])
 
 
-def _of_model(
-    bench: Workbench, cameras: dict[str, Camera], records: dict[str, CameraRecord]
-) -> dict[str, Any]:
+def _of_model(bench: Workbench, cameras: dict[str, Camera]) -> dict[str, Any]:
     """The model as the photos' cameras see it, from around, and for the page's viewer."""
-    model, every = written_model(bench.project).model, registered_cameras(records)
+    model = written_model(bench.project).model
     if model is None:
         return {"models": {}, "views": [], "packed": None}
+    before = front(bench.project, bench.mesh)
     beside = model_pictures(bench.renderer, model, cameras.values(), ModelLook(samples=1))
-    around = model_pictures(bench.renderer, model, viewpoints(bench.mesh, every))
+    around = model_pictures(bench.renderer, model, viewpoints(bench.mesh, before))
     return {
         "models": {n: data_url(on_backdrop(p)) for n, p in zip(cameras, beside, strict=True)},
         "views": [data_url(on_backdrop(picture)) for picture in around],
-        "packed": packed_model(model, *frame_of(bench.mesh, every)),
+        "packed": packed_model(model, *before),
     }
-
-
-def registered_cameras(records: dict[str, CameraRecord]) -> list[Camera]:
-    """The cameras of the photos that are registered."""
-    return [c for r in records.values() if (c := r.registered_camera) is not None]
 
 
 def _overlay(bench: Workbench, name: str, record: CameraRecord | None) -> str | None:

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.camera import Camera
-from texproj.report.pictures import around
+from texproj.report.pictures import Front, around
 from texproj.stages.bench import Workbench
 
 STEP_DEG = 15
@@ -40,13 +39,13 @@ class FilmPath:
     sided: bool = True
 
 
-def film_path(bench: Workbench, cameras: Sequence[Camera], frames: int) -> FilmPath:
+def film_path(bench: Workbench, front: Front, frames: int) -> FilmPath:
     """One turn about the model, or a swing where the scan is open: from its back a relief would be
     seen through. A mesh that shows backs from the front has its faces the wrong way round, and is
     turned about. Ours.
     """
     angles = list(range(-180, 180, STEP_DEG))
-    backs = dict(zip(angles, _backs(bench, cameras, angles), strict=True))
+    backs = dict(zip(angles, _backs(bench, front, angles), strict=True))
     part = np.arange(frames) / frames
     if backs[0] > 1 / 2:
         return FilmPath(360 * part, sided=False)
@@ -59,10 +58,10 @@ def film_path(bench: Workbench, cameras: Sequence[Camera], frames: int) -> FilmP
     return FilmPath(swing, note)
 
 
-def _backs(bench: Workbench, cameras: Sequence[Camera], angles: Sequence[int]) -> list[float]:
+def _backs(bench: Workbench, front: Front, angles: Sequence[int]) -> list[float]:
     """Part of each picture of the mesh, turned by those angles, that shows backs of faces."""
     found = []
-    for view in around(bench.mesh, cameras, angles, (LOOK_PX, LOOK_PX)):
+    for view in around(bench.mesh, front, angles, (LOOK_PX, LOOK_PX)):
         picture = bench.plain_scene.gbuffer(view, ("depth", "front"))
         solid = np.isfinite(picture.require("depth"))
         hidden = solid & ~picture.require("front")

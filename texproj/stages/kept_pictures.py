@@ -71,6 +71,7 @@ class Kept:
             **file_inputs(self.project, **files),
             "photos": json_hash(list(cameras)),
             "cameras": json_hash(registered),
+            "up": self.project.settings.output.up,
         }
         made = self._made((MODEL_STAGE, None), inputs, dict, make)
         assert made is not None

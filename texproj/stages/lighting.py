@@ -301,12 +301,17 @@ def found_pages(bench: Workbench, appearance: Appearance, progress: Progress) ->
 
 def _pages(bench: Workbench, appearance: Appearance, colored: Texture, progress: Progress) -> Pages:
     from texproj.appearance.flash.flash_pages import Given, flash_pages  # noqa: PLC0415 - slow to load
-    from texproj.appearance.recovered import FlashLight  # noqa: PLC0415
+    from texproj.appearance.polarized.polarized_pages import polarized_pages  # noqa: PLC0415
+    from texproj.appearance.recovered import FlashLight, PolarizedLight  # noqa: PLC0415
     from texproj.appearance.texels import base_texture  # noqa: PLC0415
 
     light = appearance.light
     if not isinstance(light, FlashLight):
-        return Pages(base_texture(bench.mesh, colored, appearance))
+        base = base_texture(bench.mesh, colored, appearance)
+        if not isinstance(light, PolarizedLight):
+            return Pages(base)
+        made = polarized_pages(bench.mesh, base, appearance, light, bench.occlusion)
+        return Pages(made.base, made)
     cameras = usable_cameras(bench.project)[0]
     photos = photo_set(bench.project, {name: cameras[name] for name in light.names})
     given = Given(bench.mesh, colored, bench.occlusion)

@@ -26,9 +26,9 @@ from texproj.files import staging
 from texproj.options import ColorOptions
 from texproj.project import Project
 from texproj.resources.threads import opencv_in_one_thread
-from texproj.resources.workers import Pending, WorkerLostError, Workers
+from texproj.resources.workers import Pending, WorkerLostError
 from texproj.stages.attending import NO_MEMORY, attended
-from texproj.stages.bench import Workbench
+from texproj.stages.bench import Crew, Workbench
 
 POINTS = "points"
 """Where in work/ the points are, in a folder of another name for each time."""
@@ -38,8 +38,8 @@ AHEAD = 2
 
 @dataclass(frozen=True, eq=False)
 class ProjectionTask:
-    """A photo for a worker. points: the folder in which they are kept; cut: whether what stands in
-    front of the piece is masked.
+    """A photo for a worker. points: the folder in which they are kept, within the project's; cut:
+    whether what stands in front of the piece is masked.
     """
 
     name: str
@@ -54,7 +54,7 @@ class ProjectionTask:
 class ProjectionByCrew:
     """Projects photos by workers that know the project."""
 
-    crew: Workers
+    crew: Crew
     project: Project
 
     def parts(
@@ -67,8 +67,10 @@ class ProjectionByCrew:
         """As `Elsewhere` has it."""
         cut = self.project.settings.color.occluders
         with _kept(points, self.project) as folder:
+            self.crew.bring(folder, self.project.occluders)
+            inside = str(folder.relative_to(self.project.root.resolve()))
             tasks = (
-                ProjectionTask(name, camera, shift, str(folder), cut, options)
+                ProjectionTask(name, camera, shift, inside, cut, options)
                 for (name, camera), shift in zip(cameras.items(), shifts, strict=True)
             )
             coming: deque[tuple[str, Pending[PhotoPart | Unusable]]] = deque()
@@ -162,7 +164,8 @@ def _opened(folder: str, detail: bool) -> tuple[KeptPoints, PointObserver]:
 
 
 def _projected(bench: Workbench, task: ProjectionTask) -> PhotoPart | Unusable:
-    points, observer = _opened(task.points, task.options.focus_power > 0)
+    folder = str(bench.project.root / task.points)
+    points, observer = _opened(folder, task.options.focus_power > 0)
     read = partial(bench.project.load_photo, task.name, cut=task.cut)
     try:
         photo = attended(task.name, read)

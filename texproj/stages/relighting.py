@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -10,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from texproj.appearance.harmonics import BASES, basis
 from texproj.appearance.light.color_temperature import rgb_of_kelvin
 from texproj.appearance.relight import (
     Development,
@@ -28,7 +26,6 @@ from texproj.appearance.relight import (
     relit_pictures,
     traced_pictures,
 )
-from texproj.appearance.relight.environment import all_directions
 from texproj.appearance.relight.tone import ev_of_exposure, metered
 from texproj.arrays import Bytes, Doubles, Floats
 from texproj.camera import Camera
@@ -39,15 +36,16 @@ from texproj.formats.models import read_model
 from texproj.formats.models.read_values import read_values
 from texproj.mesh import ColoredMesh, TexturedMesh
 from texproj.project import Project
-from texproj.report.pictures import around, frame_of, on_backdrop
-from texproj.stages.appearance_files import LIGHT, MODEL_GLB, PLY
+from texproj.report.pictures import Front, around, on_backdrop
+from texproj.stages.appearance_files import MODEL_GLB, PLY
 from texproj.stages.appearing import STAGE as APPEARANCE
 from texproj.stages.appearing import appearance_freshness
 from texproj.stages.bench import Workbench
 from texproj.stages.coloring import STAGE as COLOR
-from texproj.stages.depicting import registered_cameras
 from texproj.stages.film_path import film_path
+from texproj.stages.fronts import front
 from texproj.stages.outcomes import Tally
+from texproj.stages.photographed_light import SKY_LUX, SUN_LUX, photographed
 from texproj.stages.progress import Progress, silent
 from texproj.stages.turning import (
     Film,
@@ -60,13 +58,15 @@ from texproj.standing import METRES
 
 STAGE = "relight"
 PICTURE = "relit"
-SUN_LUX, SKY_LUX = 90_000.0, 12_000.0
-"""Of a clear day: square to the sun, and of level ground by the sky."""
 LAMP_LUX = 1_000.0
 """Of a lamp at the middle of the piece."""
 KELVIN = 1000, 25000
 LENSES = 0.5, 64
 """Numbers of apertures that have been made."""
+TAKEN_FOR = (
+    f"photos do not tell how bright their light was: its best-lit side is taken for {SKY_LUX:,.0f}"
+    f" lux, {SKY_LUX + SUN_LUX:,.0f} with a sun"
+)
 NO_SKY, OVERCAST, PHOTOGRAPHED = "none", "overcast", "photographed"
 
 
@@ -85,7 +85,8 @@ class Place:
 class RelightOptions:
     """suns, lamps: where they are; sky: "none", "overcast", "photographed" or a file, None =
     overcast, but none where there are only lamps; kelvin: color of suns and lamps, None = white;
-    ev: exposure at ISO 100, None = as a camera meters; tone: the curve; photo: the photo from whose
+    ev: exposure at ISO 100, None = as a camera meters, or, in the photos' light alone, as theirs;
+    tone: the curve, None = filmic, or, there, none; photo: the photo from whose
     camera is looked, None = the front; film: None = one picture; f_number: of a lens, None = all is
     sharp; traced: by the path tracer; turn: options of the film.
     """
@@ -95,7 +96,7 @@ class RelightOptions:
     sky: str | None = None
     kelvin: float | None = None
     ev: float | None = None
-    tone: ToneName = "filmic"
+    tone: ToneName | None = None
     photo: str | None = None
     film: Film | None = None
     f_number: float | None = None
@@ -116,6 +117,15 @@ class RelightOptions:
                 raise UsageError("a heading is within 360 degrees, a height within 90")
             if place.diagonals is not None and not 0 < place.diagonals <= 1e6:
                 raise UsageError("a lamp stands some diagonals of the piece away: 1.5, say")
+
+    @property
+    def as_photographed(self) -> bool:
+        """Whether the photos' light is the only one, so that pictures are to look like them."""
+        return self.sky == PHOTOGRAPHED and not self.suns and not self.lamps
+
+    @property
+    def curve(self) -> ToneName:
+        return self.tone or ("none" if self.as_photographed else "filmic")
 
 
 @dataclass(frozen=True)
@@ -154,15 +164,17 @@ def relight_project(
         check_tracer()
     surface = recovered_surface(project)
     changed = changed_since(project)
-    cameras = registered_cameras(project.load_cameras())
+    before = front(project, bench.mesh)
     project.check_writable(project.out)
-    views, of_frame, notes = _views(bench, options, cameras)
-    light = illumination(project, options, surface, cameras)
-    exposure = None if options.ev is None else exposure_of_ev(options.ev)
+    views, of_frame, notes = _views(bench, options, before)
+    light = illumination(project, options, surface, before)
+    exposure = _exposure(project, options)
+    if options.sky == PHOTOGRAPHED:
+        notes += (TAKEN_FOR,)
     shown: list[Bytes] = []
     for layers in _pictures(bench, options, surface, light, views):
         exposure = metered(layers) if exposure is None else exposure
-        shown.append(on_backdrop(Development(exposure, options.tone).developed(layers)))
+        shown.append(on_backdrop(Development(exposure, options.curve).developed(layers)))
         progress(STAGE, len(shown), len(views), "")
     with staging(project.out) as folder:
         names = _written(folder, [shown[k] for k in of_frame], options)
@@ -170,6 +182,13 @@ def relight_project(
     assert exposure is not None  # there is a first picture
     files = tuple(project.out / name for name in names)
     return RelightOutcome(files, ev_of_exposure(exposure), notes + changed)
+
+
+def _exposure(project: Project, options: RelightOptions) -> float | None:
+    """What was asked for, or that of the photos; None = as a camera meters."""
+    if options.ev is not None:
+        return exposure_of_ev(options.ev)
+    return 1 / photographed(project).lux if options.as_photographed else None
 
 
 def _pictures(
@@ -244,10 +263,10 @@ def _same_place(model: TexturedMesh | ColoredMesh, vertices: ColoredMesh) -> Any
 
 
 def illumination(
-    project: Project, options: RelightOptions, surface: LitSurface, cameras: Sequence[Camera]
+    project: Project, options: RelightOptions, surface: LitSurface, before: Front
 ) -> Illumination:
     """The lights that were asked for, in the scan's frame."""
-    up, level = frame_of(surface.mesh, cameras)
+    up, level = before
     right = np.cross(up, level)
 
     def toward(place: Place) -> Doubles:
@@ -269,9 +288,8 @@ def illumination(
     if sky == OVERCAST:
         environment = overcast(up, -level, SKY_LUX)
     elif sky == PHOTOGRAPHED:
-        radiance, sun = photographed(project)
-        environment = _sky_of(radiance, up, -level)
-        suns += [sun] if sun else []
+        environment, own = photographed(project).shown(up, -level)
+        suns += own
     elif sky != NO_SKY:
         environment, direction, light = Environment(
             read_environment(Path(sky)), up, -level
@@ -285,54 +303,18 @@ def illumination(
     return Illumination(environment, tuple(suns), tuple(lamps))
 
 
-def photographed(project: Project) -> tuple[Doubles, Sun | None]:
-    """The light that `appearance` found: the sky (9, 3), spherical harmonics of linear RGB in the
-    scan's frame, and the sun. Raises InputError where light.json tells of none.
-    """
-    path = project.out / LIGHT
-    try:
-        told = json.loads(path.read_text(encoding="utf-8"))
-        sky = np.array(told["sky"], np.float64).reshape(BASES, 3)
-        toward, light = told["sun"], told.get("sun_irradiance")
-        sun = Sun(_vector(toward), _vector(light)) if toward is not None else None
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
-        sky, sun = np.full((BASES, 3), np.nan), None
-    if not np.isfinite(sky).all() or (sun is not None and not sun.toward.any()):
-        raise InputError(
-            f"{path} tells of no sky; natural light is shown again only where it was found"
-        )
-    return sky, sun
-
-
-def _vector(told: Any) -> Doubles:
-    """(3,) finite numbers. Raises ValueError or TypeError for anything else."""
-    vector: Doubles = np.array(told, np.float64).reshape(3)
-    if not np.isfinite(vector).all():
-        raise ValueError("not finite")
-    return vector
-
-
-def _sky_of(harmonics: Doubles, up: Doubles, ahead: Doubles) -> Environment:
-    """The picture of a sky that is told by spherical harmonics (9, 3) in the scan's frame."""
-    local, _ = all_directions(64, 32)
-    world = local @ np.stack([np.cross(ahead, up), up, ahead]).astype(np.float32)
-    seen = basis(world.reshape(-1, 3)) @ harmonics
-    radiance: Floats = np.maximum(seen, 0).astype(np.float32)
-    return Environment(radiance.reshape(32, 64, 3), up, ahead)
-
-
 def _views(
-    bench: Workbench, options: RelightOptions, cameras: Sequence[Camera]
+    bench: Workbench, options: RelightOptions, before: Front
 ) -> tuple[list[Camera], Sequence[int], tuple[str, ...]]:
     """The cameras to draw, which of them each frame is, and what is unusual about them."""
     size = (options.turn.size, options.turn.size)
     if options.photo is not None:
         return [_of_photo(bench.project, options.photo).reduced(size[0])], [0], ()
     if options.film is None:
-        return around(bench.mesh, cameras, [0.0], size), [0], ()
-    path = film_path(bench, cameras, options.turn.frames)
+        return around(bench.mesh, before, [0.0], size), [0], ()
+    path = film_path(bench, before, options.turn.frames)
     angles, of_frame = np.unique(path.angles_deg.round(6), return_inverse=True)
-    views = around(bench.mesh, cameras, angles.tolist(), size)
+    views = around(bench.mesh, before, angles.tolist(), size)
     return views, of_frame.tolist(), (path.note,) if path.note else ()
 
 

@@ -5,15 +5,17 @@ from __future__ import annotations
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
 from texproj.errors import InputError
 from texproj.project import Project
-from texproj.resources.cluster import Cluster
-from texproj.resources.workers import Pending, Workers, processes, processes_here
-from texproj.stages.bench import Workbench
+from texproj.resources.cluster import Cluster, ClusterError
+from texproj.resources.workers import Pending, WorkerLostError, Workers, processes, processes_here
+from texproj.stages.bench import Crew, Workbench
+from texproj.stages.copies import Copies, end, in_use
 from texproj.version import __version__
 
 T = TypeVar("T")
@@ -25,11 +27,13 @@ time in which a photo is searched."""
 
 @dataclass(frozen=True)
 class Site:
-    """A project, as it is sent to workers. run: another one for each run, so that nothing that was
-    read for an earlier one is used again.
+    """A project, as it is sent to workers. copied: whether a copy of its files is there in place of
+    its folder; run: another one for each run, so that nothing that was read for an earlier one is
+    used again.
     """
 
     project: Project
+    copied: bool = False
     run: str = field(default_factory=lambda: uuid.uuid4().hex)
 
     @classmethod
@@ -39,11 +43,12 @@ class Site:
 
 
 @dataclass(frozen=True, eq=False)
-class Crew:
-    """Workers that know a project: each task gets its workbench there before all else."""
+class SiteCrew:
+    """As `Crew` has it. copies: of the project's files, where workers do not see its folder."""
 
     workers: Workers
     site: Site
+    copies: Copies | None = None
 
     @property
     def count(self) -> int:
@@ -53,33 +58,49 @@ class Crew:
         """Have ``work(bench, *args)`` run; a function of a module, or a partial one."""
         return self.workers.submit(_at_the_bench, self.site, work, *args)
 
+    def bring(self, *places: Path) -> None:
+        if self.copies is not None:
+            self.copies.bring(*places)
+
 
 @contextmanager
 def crew_of(cluster: Cluster, project: Project) -> Iterator[Crew]:
     """The workers of a cluster within this block; afterwards they let go of the project.
 
-    Raises InputError where one cannot see the folder, or has another version of texproj.
+    Where one does not see the project folder, all work on copies of its files. Raises InputError
+    where a worker has another version of texproj, or no room for a copy.
     """
     site = Site.of(project)
-    for worker, version in cluster.everywhere(_looked_at, site.project.root).items():
-        if version is None:
-            raise InputError(
-                f"the worker at {worker} does not see {site.project.root}: the project folder has"
-                " to be on storage that all workers share, under the same path"
-            )
+    try:
+        there = cluster.everywhere(_looked_at, site.project.root)
+    except WorkerLostError:
+        raise ClusterError(
+            f"workers of {cluster.address} end all the time; see their logs"
+        ) from None
+    for worker, (version, _) in there.items():
         if version != __version__:
             raise InputError(
                 f"the worker at {worker} has texproj {version}, this is {__version__}; install the"
                 " same version everywhere"
             )
+    known = cluster.on(there)
     try:
-        yield Crew(cluster, site)
+        if all(sees for _, sees in there.values()):
+            yield SiteCrew(known, site)
+        else:
+            yield _crew_of_copies(known, replace(site, copied=True))
     finally:
-        cluster.after_tasks(close)
+        cluster.after_tasks(partial(leave, site.run))
+
+
+def _crew_of_copies(cluster: Cluster, site: Site) -> SiteCrew:
+    copies = Copies.begun(cluster, site.project, site.run)
+    copies.bring_inputs()
+    return SiteCrew(cluster, site, copies)
 
 
 @contextmanager
-def crew_for(bench: Workbench, tasks: int) -> Iterator[Workers | None]:
+def crew_for(bench: Workbench, tasks: int) -> Iterator[Crew | None]:
     """Whoever does so many tasks of a project that take seconds each: the cluster that was asked
     for, or processes of this machine where that is faster, or None: this process alone.
     """
@@ -91,7 +112,7 @@ def crew_for(bench: Workbench, tasks: int) -> Iterator[Workers | None]:
         yield None
         return
     with processes(count) as workers:
-        yield Crew(workers, Site.of(bench.project))
+        yield SiteCrew(workers, Site.of(bench.project))
 
 
 # --- in a worker
@@ -100,9 +121,9 @@ _OPEN: dict[str, Workbench] = {}
 """The workbench of this process by the run, once it is open."""
 
 
-def _looked_at(root: Path) -> str | None:
-    """The version here; None where the folder is not."""
-    return __version__ if root.is_dir() else None
+def _looked_at(root: Path) -> tuple[str, bool]:
+    """The version here, and whether the folder is seen."""
+    return __version__, root.is_dir()
 
 
 def _at_the_bench(site: Site, work: Callable[..., T], *args: Any) -> T:
@@ -111,10 +132,17 @@ def _at_the_bench(site: Site, work: Callable[..., T], *args: Any) -> T:
 
 def bench_at(site: Site) -> Workbench:
     """The workbench of this process for a project; that of another run is closed."""
+    root = in_use(site.run) if site.copied else site.project.root
     if site.run not in _OPEN:
         close()
-        _OPEN[site.run] = Workbench(site.project)
+        _OPEN[site.run] = Workbench(Project(root, site.project.settings))
     return _OPEN[site.run]
+
+
+def leave(run: str) -> None:
+    """Let go of what is open here, and of the copy of a project."""
+    close()
+    end(run)
 
 
 def close() -> None:

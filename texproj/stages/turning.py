@@ -20,8 +20,9 @@ from texproj.report.pictures import around, on_backdrop
 from texproj.stages.bench import Workbench
 from texproj.stages.coloring import STAGE as COLOR
 from texproj.stages.coloring import remove_leftovers
-from texproj.stages.depicting import registered_cameras, written_model
+from texproj.stages.depicting import written_model
 from texproj.stages.film_path import film_path
+from texproj.stages.fronts import front
 from texproj.stages.outcomes import Tally
 from texproj.stages.progress import Progress, silent
 
@@ -106,10 +107,10 @@ def turn_project(
         )
     need_same_mesh(project, COLOR, "it was colored", f"`texproj color {project.root}`")
     project.check_writable(project.out)
-    cameras = registered_cameras(project.load_cameras())
-    path = film_path(bench, cameras, options.frames)
+    before = front(project, bench.mesh)
+    path = film_path(bench, before, options.frames)
     angles, of_frame = np.unique(path.angles_deg.round(6), return_inverse=True)
-    views = around(bench.mesh, cameras, angles.tolist(), (options.size, options.size))
+    views = around(bench.mesh, before, angles.tolist(), (options.size, options.size))
     look = ModelLook(backs=BACKS if path.sided else None)
     shown = []
     for picture in model_pictures(bench.renderer, written.model, views, look):

@@ -6,9 +6,12 @@ Mitsuba 3, W. Jakob et al., 2022. It is no dependency: 60 MB that only a referen
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from importlib.util import find_spec
+from math import ceil
 from typing import Any
 
+import cv2
 import numpy as np
 
 from texproj.appearance.relight.environment import Environment
@@ -16,9 +19,10 @@ from texproj.appearance.relight.illumination import Illumination
 from texproj.appearance.relight.lit_surface import LitSurface
 from texproj.appearance.relight.thin_lens import Lens, darkened
 from texproj.arrays import Floats
-from texproj.camera import Camera
+from texproj.camera import Camera, Intrinsics
 from texproj.errors import UsageError
 from texproj.mesh import TexturedMesh
+from texproj.render.lens import ideal_grid, pinhole_cover
 
 SAMPLES = 64
 """Paths per pixel: noise of a hundredth where light comes straight."""
@@ -43,8 +47,8 @@ def traced_pictures(
     lens: Lens | None = None,
     samples: int = SAMPLES,
 ) -> Iterator[Floats]:
-    """For each camera (h, w, 4) float32: linear luminance times alpha, and alpha. Cameras are
-    taken without their distortion. Raises UsageError where Mitsuba is not installed.
+    """For each camera (h, w, 4) float32: linear luminance times alpha, and alpha. Raises UsageError
+    where Mitsuba is not installed.
     """
     check_tracer()
     import mitsuba as mi  # noqa: PLC0415 - slow to load, and an extra
@@ -58,10 +62,36 @@ def traced_pictures(
         **_lights(mi, light),
     })  # fmt: skip
     for number, camera in enumerate(cameras):
-        film = mi.load_dict(_sensor(mi, camera, lens))
+        cover = _cover(camera)
+        film = mi.load_dict(_sensor(mi, cover, lens))
         made = mi.render(scene, sensor=film, spp=samples, seed=number)
-        layers = np.nan_to_num(np.array(made, np.float32))
+        layers = _bent(np.nan_to_num(np.array(made, np.float32)), cover, camera)
         yield layers if lens is None else darkened(layers, camera)
+
+
+def _cover(camera: Camera) -> Camera:
+    """The camera that is traced: without distortion, with square pixels and its axis in the middle,
+    since Mitsuba's thin lens knows no other.
+    """
+    cover = pinhole_cover(camera)
+    k = cover.intrinsics
+    focal = max(k.fx, k.fy)
+    width, height = (
+        ceil(2 * focal / own * max(middle, size - middle) - 1e-6)
+        for own, middle, size in ((k.fx, k.cx, k.width), (k.fy, k.cy, k.height))
+    )
+    return replace(cover, intrinsics=Intrinsics(width, height, focal, focal, width / 2, height / 2))
+
+
+def _bent(layers: Floats, cover: Camera, camera: Camera) -> Floats:
+    """(h, w, 4) the picture of a camera from that of its cover; nothing where the lens ends."""
+    k = cover.intrinsics
+    if k == camera.intrinsics.pinhole and not camera.intrinsics.distorted:
+        return layers
+    at = ideal_grid(camera.intrinsics) * np.array((k.fx, k.fy), np.float32)
+    at = np.nan_to_num(at + np.array((k.cx - 0.5, k.cy - 0.5), np.float32), nan=-2.0)
+    out = cv2.remap(layers, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+    return np.asarray(out, np.float32)
 
 
 def _sensor(mi: Any, camera: Camera, lens: Lens | None) -> dict[str, Any]:
@@ -73,8 +103,6 @@ def _sensor(mi: Any, camera: Camera, lens: Lens | None) -> dict[str, Any]:
     out: dict[str, Any] = {
         "type": "perspective" if lens is None else "thinlens",
         "fov": float(np.degrees(2 * np.arctan(camera.width / 2 / k.fx))), "fov_axis": "x",
-        "principal_point_offset_x": k.cx / camera.width - 0.5,
-        "principal_point_offset_y": k.cy / camera.height - 0.5,
         "to_world": mi.ScalarTransform4f(to_world),
         "near_clip": 1e-4 * float(np.linalg.norm(camera.pose.t)) + 1e-9,
         "far_clip": 1e4 * float(np.linalg.norm(camera.pose.t)) + 1e-3,
@@ -85,7 +113,6 @@ def _sensor(mi: Any, camera: Camera, lens: Lens | None) -> dict[str, Any]:
         "sampler": {"type": "independent"},
     }  # fmt: skip
     if lens is not None:
-        del out["principal_point_offset_x"], out["principal_point_offset_y"]
         out |= {"aperture_radius": lens.radius, "focus_distance": lens.focus}
     return out
 

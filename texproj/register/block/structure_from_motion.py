@@ -3,19 +3,31 @@
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, Protocol
 
 import numpy as np
 
 from texproj.camera import Camera, Intrinsics, Pose
-from texproj.colmap.messages import Lens, Model, Picture, Result, Task
+from texproj.colmap.messages import (
+    Batch,
+    Features,
+    Lens,
+    Matched,
+    Model,
+    Picture,
+    Result,
+    Task,
+)
 from texproj.colmap.run import Listen, available, run_colmap
 from texproj.errors import InputError, RegistrationError
 from texproj.photo import Photo, PhotoInfo
 from texproj.register.block.graph import PhotoGraph
 from texproj.register.block.reconstruction import Reconstruction
+from texproj.resources.workers import Pending
 
 LONGEST_PX = 1600
 """Longer side of the photos that are compared."""
@@ -23,6 +35,9 @@ FEATURES_VERSION = 1
 """Another one for features that are found otherwise: older ones are not mixed with them."""
 SOLVED_DISTORTION = 8
 """Coefficients of distortion that COLMAP's models have; a lens with more is solved anew."""
+
+AHEAD = 2
+"""Tasks of each worker that are on their way."""
 
 LoadPhoto = Callable[[str], Photo]
 
@@ -54,15 +69,35 @@ class Motion:
     left_out: dict[str, str]
 
 
+class Elsewhere(Protocol):
+    """Workers that look at photos for this process."""
+
+    @property
+    def count(self) -> int:
+        """How many tasks run at once."""
+
+    def features(self, name: str, key: str) -> Pending[Features]:
+        """The features of a photo; its result raises InputError where it cannot be read."""
+
+    def match(self, batch: Batch) -> Pending[Matched]:
+        """What pairs have in common."""
+
+
 def structure_from_motion(
-    photos: Sequence[BlockPhoto], load: LoadPhoto, database: str, scratch: str, listen: Listen
+    photos: Sequence[BlockPhoto],
+    load: LoadPhoto,
+    database: str,
+    scratch: str,
+    listen: Listen,
+    elsewhere: Elsewhere | None = None,
 ) -> Motion:
     """The photos' places relative to each other.
 
     load: a photo by name, at most `LONGEST_PX` wide and high; a photo for which it raises
     InputError is left out. database: path of a file that keeps what was found of each photo and
-    pair; scratch: path of an empty folder. Raises RegistrationError where the machine or COLMAP
-    cannot do it. The same photos give the same result.
+    pair; scratch: path of an empty folder; elsewhere: who finds features and matches pairs, if not
+    this machine. Raises RegistrationError where the machine or COLMAP cannot do it. The same photos
+    give the same result, wherever.
     """
     if not available():
         raise RegistrationError(
@@ -78,22 +113,50 @@ def structure_from_motion(
         if first[photo.key] != photo.name
     }
     photos = [photo for photo in photos if photo.name not in left_out]
-    task = _task(photos, database, scratch)
+    ahead = 0 if elsewhere is None else AHEAD * max(1, elsewhere.count)
+    task = _task(photos, database, scratch, ahead)
     names = {key: photo.name for key, photo in zip(task.keys, photos, strict=True)}
 
-    def pictures(keys: Sequence[str]) -> Iterator[Picture]:
-        for key in keys:
-            try:
-                yield _picture(key, load(names[key]))
-            except InputError as error:
-                left_out[names[key]] = str(error)
+    def pictures(keys: Sequence[str]) -> Iterator[Picture | Features]:
+        coming = _looked_at(keys, names, load, elsewhere, listen)
+        for key, picture in zip(keys, coming, strict=True):
+            if isinstance(picture, InputError):
+                left_out[names[key]] = str(picture)
+            else:
+                yield picture
 
-    result = run_colmap(task, pictures, listen)
+    result = run_colmap(task, pictures, listen, elsewhere.match if elsewhere else None)
     parts = tuple(_reconstruction(model, photos, task) for model in result.models)
     graph = _graph(result, photos)
     placed = {name for part in parts for name in part.names}
     alone = [name for name in names.values() if name not in placed and name not in left_out]
     return Motion(parts, graph, left_out | {name: _why_alone(name, graph) for name in alone})
+
+
+def _looked_at(
+    keys: Sequence[str],
+    names: dict[str, str],
+    load: LoadPhoto,
+    elsewhere: Elsewhere | None,
+    listen: Listen,
+) -> Iterator[Picture | Features | InputError]:
+    """Of each photo its picture, or its features where others find them, or why there is none."""
+    if elsewhere is None:
+        for key in keys:
+            try:
+                yield picture_of(key, load(names[key]))
+            except InputError as error:
+                yield error
+        return
+    coming: deque[Pending[Features]] = deque()
+    ahead = AHEAD * max(1, elsewhere.count)
+    for done in range(len(keys)):
+        for key in keys[done + len(coming) : done + ahead]:
+            coming.append(elsewhere.features(names[key], key))
+        try:
+            yield coming.popleft().result(partial(listen, "features", done, len(keys)))
+        except InputError as error:
+            yield error
 
 
 def _why_alone(name: str, graph: PhotoGraph) -> str:
@@ -106,7 +169,7 @@ def _why_alone(name: str, graph: PhotoGraph) -> str:
     )
 
 
-def _task(photos: Sequence[BlockPhoto], database: str, scratch: str) -> Task:
+def _task(photos: Sequence[BlockPhoto], database: str, scratch: str, ahead: int) -> Task:
     """Photos of one lens that were taken upright and across are two lenses to COLMAP."""
     lenses: dict[tuple[str, int, int], Lens] = {}
     own = [(photo.lens, *reduced_size(photo.info)) for photo in photos]
@@ -120,6 +183,7 @@ def _task(photos: Sequence[BlockPhoto], database: str, scratch: str) -> Task:
         lenses=tuple(lenses.values()),
         lens_of=tuple(numbers[lens] for lens in own),
         threads=os.cpu_count() or 1,
+        ahead=ahead,
     )
 
 
@@ -140,7 +204,8 @@ def reduced_size(info: PhotoInfo) -> tuple[int, int]:
     return max(1, round(info.width * factor)), max(1, round(info.height * factor))
 
 
-def _picture(key: str, photo: Photo) -> Picture:
+def picture_of(key: str, photo: Photo) -> Picture:
+    """A photo that was reduced, as COLMAP looks at it."""
     gray = np.rint(photo.gray().clip(0, 1) * 255).astype(np.uint8)
     return Picture(key, np.ascontiguousarray(gray), photo.mask)
 

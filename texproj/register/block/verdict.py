@@ -19,7 +19,7 @@ def refusal(support: float, rival: float) -> str:
     if torn(support, rival):
         return (
             f"the photos fit the mesh in two places nearly as well ({support:.0%} and {rival:.0%} "
-            "of its structure; pick 8 points in one photo)"
+            "of its structure): pick 8 points in one photo"
         )
     return ""
 
