@@ -10,11 +10,11 @@ from test_appearance_flash import one_point
 from texproj.appearance.flash.bounce import FURTHER, Nodes, bounced, surface_hits
 from texproj.appearance.flash.closed_form import model_terms
 from texproj.appearance.flash.few_views import drawn_together
+from texproj.appearance.flash.head_on import Witnesses
 from texproj.appearance.flash.lamp import Lamp
 from texproj.appearance.flash.observations import Flashes, LampShadows, Surfel
 from texproj.appearance.flash.reflection import Material
 from texproj.appearance.flash.voting import mesh_neighbors
-from texproj.appearance.flash.witnesses import Witnesses
 from texproj.camera import Camera, Intrinsics, Pose
 from texproj.render.rays import RayCaster
 

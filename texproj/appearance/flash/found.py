@@ -18,13 +18,13 @@ from texproj.appearance.flash.closed_form import (
     labelled_terms,
     predicted,
 )
+from texproj.appearance.flash.head_on import Witnesses
 from texproj.appearance.flash.lamp import Lamp
 from texproj.appearance.flash.materials import base_materials
 from texproj.appearance.flash.observations import Flashes, LampShadows, Observations, Surfel
 from texproj.appearance.flash.pooled import Pooled, pooled
 from texproj.appearance.flash.reflection import CANDIDATES, Material
 from texproj.appearance.flash.voting import Voters, near_neighbors, settled, smoothed
-from texproj.appearance.flash.witnesses import Witnesses
 from texproj.appearance.light_fit import MEAN_ALBEDO
 from texproj.arrays import Floats, Index
 from texproj.photo import LUMINANCE
