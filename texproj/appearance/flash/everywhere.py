@@ -115,8 +115,8 @@ def vertices_everywhere(
     matte = fill_vertices(mesh, whole.matte, known)
     votes = found.voters.votes(xyz, matte)
     if found.witnesses is not None:
-        seen = whole.number > 0
-        told = np.where(seen[:, None], whole.told, smoothed(whole.told, seen, near, RINGS))
+        some = whole.number > 0
+        told = np.where(some[:, None], whole.told, smoothed(whole.told, some, near, RINGS))
         cost, votes = found.witnesses.judged(cost, told, votes, matte)
     label, sure = settled(cost, votes, near)
     points = _chosen(xyz, whole, label, sure, found)

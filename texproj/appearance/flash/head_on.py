@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -78,7 +77,7 @@ class _Party:
         """(n,) of the best of the witnesses nearby: minus the log of Cauchy's density of what is
         seen, mean over the observations. slopes, offsets: (k, m, 3) of each material.
         """
-        rows, noise = np.arange(len(seen.point)), 1 / seen.inverse_variance
+        rows, noise = np.arange(len(seen.point)), np.reciprocal(seen.inverse_variance)
         count = min(self.kind.asked, len(self.label))
         near = self.tree.query(xyz, count, workers=-1)[1].reshape(-1, count)
         best = np.full(len(xyz), np.inf, np.float32)
@@ -123,12 +122,15 @@ class Witnesses:
     ) -> Witnesses | None:  # fmt: skip
         """Those of n points that know; None where all of them are of one party."""
         metal = np.array([kind.metal for kind in kinds])[label]
-        parties: list[Any] = []
-        for kind, rows in ((PAINT, knows & ~metal), (METAL, knows & metal)):
-            if not rows.any():
-                return None
-            parties.append(_Party.of(kind, xyz[rows], color[rows], label[rows], CELL * diagonal))
-        return cls(*parties, kinds)
+        paint = knows & ~metal
+        metal &= knows
+        if not paint.any() or not metal.any():
+            return None
+
+        def party(kind: _Kind, rows: Bools) -> _Party:
+            return _Party.of(kind, xyz[rows], color[rows], label[rows], CELL * diagonal)
+
+        return cls(party(PAINT, paint), party(METAL, metal), kinds)
 
     def costs(self, xyz: Floats, seen: Observations, terms: Sequence[Terms]) -> Floats:
         """(n, 2) of paint and of metal, 0 without an observation. terms: of each material."""
