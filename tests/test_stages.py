@@ -52,7 +52,7 @@ def errors_percent(project: Project) -> dict[str, float]:
 def finished(tmp_path_factory):
     """Picks in half of the photos, rough cameras for the others, all around."""
     folder = tmp_path_factory.mktemp("stages") / "stele"
-    write_demo(folder, DemoOptions(object="stele", photos=9, starts=True, paint=1, long_side=960))
+    write_demo(folder, replace(SMALL, long_side=840, faces=60_000))
     project = Project.open(folder)
     with Workbench(project) as bench:
         outcome = run_project(bench)
@@ -64,7 +64,7 @@ def test_every_photo_that_is_called_registered_is_right(finished):
     project, outcome = finished
     errors = errors_percent(project)
 
-    assert len(errors) >= 7
+    assert len(errors) >= 5
     assert max(errors.values()) < 0.3
     assert np.median(list(errors.values())) < 0.1
     assert all(name in outcome.failed for name in project.photo_names if name not in errors)
@@ -109,22 +109,25 @@ def test_the_texture_shows_the_paint(finished):
     assert np.corrcoef(made[:, 2], truth[:, 2])[0, 1] > 0.85
 
 
+def without_rough_cameras(folder, **sections) -> Project:
+    """The project with the photos alone that have picks: the quickest to register."""
+    project = Project.open(folder)
+    for path in project.photo_paths.values():
+        if not project.correspondences_path(path.name).is_file():
+            path.unlink()
+    return with_options(Project.open(folder), color=ColorOptions(to="vertices"), **sections)
+
+
 def test_survey_coordinates_change_nothing(tmp_path):
     """The same piece half a million metres away: same colors, cameras moved along."""
     made = {}
     for name, origin in (("here", (0.0, 0.0, 0.0)), ("there", (512_000.0, 4_100_000.0, 250.0))):
-        write_demo(tmp_path / name, replace(SMALL, photos=4, origin=origin))
-        project = with_options(
-            Project.open(tmp_path / name),
-            color=ColorOptions(to="vertices"), refine=RefineOptions(enabled=False),
-        )  # fmt: skip
-        for path in project.photo_paths.values():
-            if not project.correspondences_path(path.name).is_file():
-                path.unlink()
-        project = with_options(
-            Project.open(tmp_path / name),
-            color=ColorOptions(to="vertices"), refine=RefineOptions(enabled=False),
-        )  # fmt: skip
+        write_demo(
+            tmp_path / name,
+            replace(SMALL, photos=4, long_side=560, carved_faces=40_000, origin=origin),
+        )
+        alone = RefineOptions(enabled=False)
+        project = without_rough_cameras(tmp_path / name, refine=alone)
         with Workbench(project) as bench:
             outcome = run_project(bench)
         assert not outcome.failed
@@ -142,7 +145,7 @@ def test_a_fault_in_refining_leaves_each_photo_its_own_registration(project_fold
         raise np.linalg.LinAlgError("Eigenvalues did not converge")
 
     monkeypatch.setattr("texproj.stages.running.refine_project", fault)
-    with Workbench(Project.open(project_folder)) as bench:
+    with Workbench(without_rough_cameras(project_folder)) as bench:
         outcome = run_project(bench)
 
     assert outcome.color is not None
