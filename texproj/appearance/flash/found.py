@@ -18,6 +18,7 @@ from texproj.appearance.flash.closed_form import (
     labelled_terms,
     predicted,
 )
+from texproj.appearance.flash.few_views import ENOUGH
 from texproj.appearance.flash.head_on import Witnesses
 from texproj.appearance.flash.lamp import Lamp
 from texproj.appearance.flash.materials import base_materials
@@ -130,14 +131,16 @@ class _Search:
         return fits, np.stack([fit.cost for fit in fits], axis=1)
 
     def even(self, cost: Floats) -> Floats:
-        """(n, k) costs of `CANDIDATES` without the noise of single points, sharp ones dearer."""
+        """(n, k) costs of `CANDIDATES` without the noise of single points, sharp ones dearer; one or
+        two observations fit any, so that such points tell nothing.
+        """
         sharp = np.array([material.sharpness for material in CANDIDATES], np.float32)
-        return smoothed(cost, self.seen.number > 0, self.neighbors) + sharp
+        return smoothed(cost, self.seen.number >= ENOUGH, self.neighbors) + sharp
 
     def settle(self, materials: Sequence[Material], rgb: Floats) -> tuple[Index, Voters]:
         """(n,) the material of each point."""
         _, cost = self.volume(materials)
-        known = self.seen.number >= 3
+        known = self.seen.number >= ENOUGH
         voters = Voters.of(self.surfels.xyz, rgb, cost, known, self.diagonal)
         votes = voters.votes(self.surfels.xyz, rgb)
         return settled(cost, votes, self.neighbors)[0], voters
