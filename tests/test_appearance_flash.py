@@ -147,10 +147,15 @@ def test_the_lamp_turns_with_the_camera(orientation, expected):
     assert axis == pytest.approx([0, 0, 1])
 
 
-def one_point(material, color, count=12, seed=0):
-    """Observations of one point of a material, from all around, without noise."""
+def one_point(material, color, count=12, seed=0, nearest=1.0):
+    """Observations of one point of a material, from all around, without noise. nearest: to its
+    highlight, as a cosine.
+    """
     rng = np.random.default_rng(seed)
-    nl, nv, nh = (rng.uniform(low, 1, count).astype(np.float32) for low in (0.4, 0.4, 0.8))
+    nl, nv, nh = (
+        rng.uniform(low, high, count).astype(np.float32)
+        for low, high in ((0.4, 1), (0.4, 1), (nearest - 0.2, nearest))
+    )
     angles = Angles(nl, nv, nh, np.full(count, 0.999, np.float32))
     light = rng.uniform(0.5, 1.5, count).astype(np.float32)
     slope, offset = linear_terms(material.values, angles)

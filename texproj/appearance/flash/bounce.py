@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from texproj.appearance.flash.lamp import Lamp
@@ -15,6 +17,9 @@ from texproj.arrays import Bools, Floats, Index
 from texproj.render.directions import cosine_directions
 
 RAYS = 48
+FURTHER = 2
+"""Bounces after the first: in hollows they are a tenth of the light."""
+
 NEAREST = 4
 """Nodes that light is interpolated between."""
 
@@ -72,10 +77,12 @@ def bounced(
     """(n, p, 3) irradiance at nodes from the surface around, for each flash.
 
     seen: (n, p) where it is asked for. What is met reflects the flash by its own material towards
-    the node.
+    the node; further bounces, between points where it is asked for, are taken for matte.
     """
     out = np.zeros((*seen.shape, 3), np.float32)
     values = np.array([material.values for material in nodes.materials], np.float32)
+    part = np.full(len(hits.node), 1 / RAYS, np.float32)
+    met = csr_array((part, (hits.node, hits.met)), shape=(len(out), len(out)))
     for photo in range(seen.shape[1]):
         rows = np.flatnonzero(seen[hits.node, photo])
         place = (flashes.place[photo] - shadows.center).astype(np.float32)
@@ -95,6 +102,15 @@ def bounced(
         sent = (light * slope)[:, None] * nodes.color[hits.met[rows]] + (light * offset)[:, None]
         for channel in range(3):
             out[:, photo, channel] = np.bincount(hits.node[rows], sent[:, channel], len(out))
+        out[:, photo] = _onward(out[:, photo], nodes.color, met)
+    return out
+
+
+def _onward(first: Floats, color: Floats, met: Any) -> Floats:
+    """(n, 3) the first bounce and those after it. met: (n, n) parts of what nodes meet."""
+    out = first
+    for _ in range(FURTHER):
+        out = first + met @ (color * out)
     return out
 
 

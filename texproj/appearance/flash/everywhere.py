@@ -9,13 +9,18 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from texproj.appearance.flash.closed_form import fit_lambert, fit_material
+from texproj.appearance.flash.closed_form import (
+    CAUCHY_ROUNDS,
+    fit_lambert,
+    fit_terms,
+    model_terms,
+)
+from texproj.appearance.flash.few_views import ENOUGH, drawn_together
 from texproj.appearance.flash.found import HIGHLIGHT, Found
 from texproj.appearance.flash.observations import Observations, Surfel, observe
 from texproj.appearance.flash.sampled import FlashSamples
 from texproj.appearance.flash.tilt import Turning, tilts
 from texproj.appearance.flash.voting import (
-    PLACE,
     mesh_neighbors,
     place_and_chroma,
     settled,
@@ -25,20 +30,16 @@ from texproj.arrays import Bools, Floats, Index
 from texproj.color.filling.vertices import fill_vertices
 from texproj.mesh import Mesh
 
-MIRRORS = 32
-"""Metal nearby, and of like hue, that saw its highlight, whose median tells the color of metals: a
-single point knows it to a tenth only."""
+MIRRORS, MIRRORED = 64, 0.1
+"""Metal nearby (`MIRRORED` of the diagonal counts like `CHROMA`), and of like hue, that saw its
+highlight, whose median tells the color of metals: a single point knows it to a tenth only.
+"""
 
-OWN = 0.25
+OWN = 0.1
 """What a metal's own color counts for, where it saw its highlight."""
 
-FARTHEST = 0.1
+FARTHEST = 0.15
 """Of the diagonal: farther from any metal that was seen to mirror nothing is called one."""
-
-ENOUGH = 3
-"""Observations that tell a material; one or two fit any, so that such points take what is around
-them.
-"""
 
 RINGS = 12
 """Of neighbors, as far as that reaches."""
@@ -69,11 +70,12 @@ class Points:
 
 @dataclass(frozen=True, eq=False)
 class _Tried:
-    """Of n points and k materials: cost (n, k), colors (n, k, 3), matte (n, 3), number and nearest
-    highlight (n,), normal (n, 3).
+    """Of n points and k materials: cost (n, k), told (n, 2) what witnesses say of paint and metal,
+    colors (n, k, 3), matte (n, 3), number and nearest highlight (n,), normal (n, 3).
     """
 
     cost: Floats
+    told: Floats
     colors: Floats
     matte: Floats
     number: Index
@@ -111,8 +113,16 @@ def vertices_everywhere(
     spread = smoothed(whole.cost, known, near, RINGS)
     cost = np.where(known[:, None], whole.cost, spread)
     matte = fill_vertices(mesh, whole.matte, known)
-    label, sure = settled(cost, found.voters.votes(xyz, matte), near)
-    return _chosen(xyz, whole, label, sure, found)
+    votes = found.voters.votes(xyz, matte)
+    if found.witnesses is not None:
+        some = whole.number > 0
+        told = np.where(some[:, None], whole.told, smoothed(whole.told, some, near, RINGS))
+        cost, votes = found.witnesses.judged(cost, told, votes, matte)
+    label, sure = settled(cost, votes, near)
+    points = _chosen(xyz, whole, label, sure, found)
+    paint = ~np.array([kind.metal for kind in found.kinds])[points.label]
+    color = drawn_together(points.color, points.label, points.number, paint, near)
+    return replace(points, color=color)
 
 
 def texels_everywhere(
@@ -131,7 +141,11 @@ def texels_everywhere(
 def texels_by_material(part: Surfel, seen: Observations, found: Found, allowed: Bools) -> Points:
     """Some texels with the normals of the mesh."""
     tried = _tried(part, seen, found)
-    label = np.argmin(np.where(allowed, tried.cost, np.inf), axis=1)
+    cost = tried.cost
+    if found.witnesses is not None:
+        none = np.zeros_like(cost)
+        cost, _ = found.witnesses.judged(cost, tried.told, none, tried.matte)
+    label = np.argmin(np.where(allowed, cost, np.inf), axis=1)
     return _chosen(part.xyz, tried, label, np.ones(len(label), np.float32), found)
 
 
@@ -147,9 +161,13 @@ def tilted_points(part: Surfel, seen: Observations, points: Points, found: Found
 
 
 def _tried(part: Surfel, seen: Observations, found: Found) -> _Tried:
-    fits = [fit_material(seen, kind) for kind in found.kinds]
+    terms = [model_terms(seen, kind.values) for kind in found.kinds]
+    fits = [fit_terms(seen, *one, CAUCHY_ROUNDS) for one in terms]
+    told = np.zeros((len(part.xyz), 2), np.float32)
+    if found.witnesses is not None:
+        told = found.witnesses.costs(part.xyz, seen, terms)
     return _Tried(
-        np.stack([fit.cost for fit in fits], axis=1),
+        np.stack([fit.cost for fit in fits], axis=1), told,
         np.stack([fit.color for fit in fits], axis=1),
         fit_lambert(seen).color, seen.number, seen.nearest_highlight(), part.normal,
     )  # fmt: skip
@@ -184,7 +202,7 @@ class _Mirrors:
         lit = found.seen.nearest_highlight() >= HIGHLIGHT
         rows = np.flatnonzero(lit & metal[found.label] & (found.seen.number >= 3))
         self._color, self._diagonal = found.fit.color[rows], found.diagonal
-        self._place = PLACE * found.diagonal
+        self._place = MIRRORED * found.diagonal
         self._matte = fit_lambert(found.seen).color
         self._places, self._count = cKDTree(found.surfels.xyz[rows]), min(MIRRORS, len(rows))
         like = place_and_chroma(found.surfels.xyz[rows], self._matte[rows], self._place)

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.appearance.flash.everywhere import ENOUGH, Points, texels_everywhere
+from texproj.appearance.flash.everywhere import Points, texels_everywhere
+from texproj.appearance.flash.few_views import ENOUGH
 from texproj.appearance.flash.found import Found
 from texproj.appearance.flash.normals_verdict import NormalsVerdict, judged_normals
 from texproj.appearance.flash.reflection import DIELECTRIC
@@ -99,7 +100,7 @@ class _Made:
     def matte(self) -> SurfacePages:
         """Without a light."""
         for number in range(len(self._points.texels.tiles)):
-            self._place(number, self._orm, self._between(number))
+            self._place(number, self._orm, self._between(number, self._corners))
         self._without_gaps(self._base, self._orm, self._sure)
         return SurfacePages(self._texture(), tuple(self._orm), self._confidence())
 
@@ -115,7 +116,7 @@ class _Made:
             told = texels_everywhere(
                 samples, found, number, self._allowed(light, number), verdict.accepted
             )
-            self._place(number, self._base, srgb_from_linear(told.color))
+            self._place(number, self._base, srgb_from_linear(self._colors(number, told)))
             self._place(number, self._sure, np.repeat(told.sure[:, None], 3, axis=1))
             counts = np.minimum(told.number, TOP).astype(np.uint8)
             self._points.texels.place(number, self._counts[tile.page], counts)
@@ -153,17 +154,29 @@ class _Made:
             allowed[np.arange(len(corner)), light.label[corner[:, k]]] = True
         return allowed
 
-    def _between(self, number: int) -> Floats:
-        """(n, 3) occlusion, roughness and metallic of texels, between those of the corners."""
-        chunk, own = self._points.chunk(number), self._appearance
+    @property
+    def _corners(self) -> Floats:
+        """(V, 3) occlusion, roughness and metallic."""
+        own = self._appearance
+        return np.stack([self._given.occlusion, own.roughness, own.metallic], axis=1)
+
+    def _between(self, number: int, corners: Floats) -> Floats:
+        """(n, c) what texels have between the vertices of their faces, (V, c)."""
+        chunk = self._points.chunk(number)
         part, corner = self._points.parts(chunk), self._given.mesh.faces[chunk.owner]
-        values = np.stack([self._given.occlusion, own.roughness, own.metallic], axis=1)
-        mixed: Floats = np.einsum("nk,nkc->nc", part, values[corner])
+        mixed: Floats = np.einsum("nk,nkc->nc", part, corners[corner])
         return mixed
+
+    def _colors(self, number: int, told: Points) -> Floats:
+        """(n, 3) base colors: where few photos see a texel, those of the vertices, which have
+        neighbors to ask.
+        """
+        few = (told.number < ENOUGH)[:, None]
+        return np.where(few, self._between(number, self._appearance.base), told.color)
 
     def _gloss(self, number: int, told: Points, found: Found) -> Floats:
         """The same, of the texel's own material where enough photos see it: borders are sharp."""
-        out = self._between(number)
+        out = self._between(number, self._corners)
         known = told.number >= ENOUGH
         kinds = np.array([(kind.roughness, kind.metal) for kind in found.kinds], np.float32)
         out[known, 1:] = kinds[told.label[known]]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,8 @@ from texproj.appearance.flash.closed_form import (
     labelled_terms,
     predicted,
 )
+from texproj.appearance.flash.few_views import ENOUGH
+from texproj.appearance.flash.head_on import Witnesses
 from texproj.appearance.flash.lamp import Lamp
 from texproj.appearance.flash.materials import base_materials
 from texproj.appearance.flash.observations import Flashes, LampShadows, Observations, Surfel
@@ -45,6 +48,9 @@ BRIGHT_ALBEDO, BRIGHT_PART = 0.8, 0.95
 """Brightest channel that this part of all points keeps below, where nothing tells the strength of
 the flash: colors that end at 1 would be cut.
 """
+
+WITNESSED = 4
+"""Observations of a point that knows whether it is metal."""
 
 GAIN_ROUNDS = 2
 ROUNDS = 2
@@ -81,6 +87,16 @@ class Found:
     def kinds(self) -> list[Material]:
         return [one.material for one in self.materials]
 
+    @cached_property
+    def witnesses(self) -> Witnesses | None:
+        """The points that saw their highlight often enough, and lie amid others of their party."""
+        metal = np.array([kind.metal for kind in self.kinds], np.float32)[self.label]
+        amid = np.abs(self.neighbors @ metal - metal) < np.float32(1e-3)
+        lit = self.seen.nearest_highlight() >= HIGHLIGHT
+        knows = amid & lit & (self.seen.number >= WITNESSED)
+        given = self.surfels.xyz, self.fit.color, self.label, knows
+        return Witnesses.of(*given, self.kinds, self.diagonal)
+
 
 @dataclass(eq=False)
 class _Search:
@@ -115,14 +131,16 @@ class _Search:
         return fits, np.stack([fit.cost for fit in fits], axis=1)
 
     def even(self, cost: Floats) -> Floats:
-        """(n, k) costs of `CANDIDATES` without the noise of single points, sharp ones dearer."""
+        """(n, k) costs of `CANDIDATES` without the noise of single points, sharp ones dearer; one or
+        two observations fit any, so that such points tell nothing.
+        """
         sharp = np.array([material.sharpness for material in CANDIDATES], np.float32)
-        return smoothed(cost, self.seen.number > 0, self.neighbors) + sharp
+        return smoothed(cost, self.seen.number >= ENOUGH, self.neighbors) + sharp
 
     def settle(self, materials: Sequence[Material], rgb: Floats) -> tuple[Index, Voters]:
         """(n,) the material of each point."""
         _, cost = self.volume(materials)
-        known = self.seen.number >= 3
+        known = self.seen.number >= ENOUGH
         voters = Voters.of(self.surfels.xyz, rgb, cost, known, self.diagonal)
         votes = voters.votes(self.surfels.xyz, rgb)
         return settled(cost, votes, self.neighbors)[0], voters

@@ -26,6 +26,11 @@ CLIPPED = 0.93
 LEAST_TRUST = 0.05
 """Of the picture: nearer to an edge of the mesh, or to a mask, other things are seen too."""
 
+LEAN, BESIDE = 4, 2
+"""Sound samples from which on edges are not looked at, and how many of those tell a color where
+there is nothing else: too few to tell a material.
+"""
+
 READ_NOISE, SHOT_NOISE, MODEL_ERROR = 0.003, 7e-5, 0.01
 """Of linear light y: variance is READ_NOISE^2 + SHOT_NOISE y + (MODEL_ERROR y)^2. A model error of
 a tenth would drown the highlights, which are the information."""
@@ -156,8 +161,12 @@ class Shown:
 def observe(
     surfels: Surfel, shown: Shown, flashes: Flashes, lamp: Lamp, caster: LampShadows
 ) -> Observations:
-    """What photos say of points, under an intensity of 1 where the lamp's is unknown."""
-    point, row = np.nonzero((shown.weight > LEAST_TRUST).T)
+    """What photos say of points, under an intensity of 1 where the lamp's is unknown. What is
+    beside an edge counts only for points that are seen nowhere else.
+    """
+    sound = shown.weight > LEAST_TRUST
+    lean = np.count_nonzero(sound, axis=0) < LEAN
+    point, row = np.nonzero((sound | (lean & (shown.weight > 0))).T)
     photo, cut = shown.photos[row], shown.cut[row, :, point]
     rgb, trust = shown.rgb[row, :, point], shown.weight[row, point]
     xyz, normal = surfels.xyz[point], surfels.normal[point]
@@ -167,6 +176,7 @@ def observe(
     good = (nl > LEAST_NL) & (nv > LEAST_NV)
     kept = np.flatnonzero(good)
     kept = kept[caster.lit(xyz[kept], normal[kept], to_lamp[kept], distance[kept])]
+    kept = kept[_better(point[kept], trust[kept] > LEAST_TRUST, nv[kept])]
     point, photo, rgb, xyz = point[kept], photo[kept], rgb[kept], xyz[kept]
     cut = cut[kept]
     nl, nv, to_lamp = nl[kept], nv[kept], to_lamp[kept]
@@ -183,6 +193,17 @@ def observe(
         np.zeros((len(point), 3), np.float32), cut,
     )  # fmt: skip
     return seen if lamp.bare else seen.kept((light > 0) & (through > 0))
+
+
+def _better(point: Index, sound: Bools, nv: Floats) -> Index:
+    """Rows (of m by rising points) that are sound, and of points without any the `BESIDE` that see
+    them most squarely.
+    """
+    rows = np.flatnonzero(~np.isin(point, point[sound]))
+    rows = rows[np.lexsort((-nv[rows], point[rows]))]
+    starts = np.searchsorted(point[rows], point[rows])
+    few = rows[np.arange(len(rows)) - starts < BESIDE]
+    return np.sort(np.concatenate([np.flatnonzero(sound), few]))
 
 
 def _falloff(xyz: NDArray[Any], photo: Index, flashes: Flashes, lamp: Lamp) -> Floats:
