@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from texproj.arrays import Floats
 from texproj.mesh import (
     Mesh,
-    blocks,
+    blocks_summed,
     by_blocks,
     face_areas,
     face_middles,
@@ -105,7 +105,7 @@ class VertexPoints:
     def of(cls, mesh: Mesh) -> Self:
         """All vertices of the mesh."""
         area = np.zeros(len(mesh.vertices))
-        for rows in blocks(len(mesh.faces)):
+        for rows in blocks_summed(mesh):
             faces = mesh.faces[rows]
             third = face_areas(Mesh(mesh.vertices, faces)) / 3
             area += np.bincount(faces.ravel(), np.repeat(third, 3), len(area))
