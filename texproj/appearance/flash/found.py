@@ -131,7 +131,7 @@ class _Search:
         return fits, np.stack([fit.cost for fit in fits], axis=1)
 
     def even(self, cost: Floats) -> Floats:
-        """(n, k) costs of `CANDIDATES` without the noise of single points, sharp ones dearer; one
+        """(n, k) costs of `CANDIDATES` without the noise of single points, sharp ones dearer. One
         or two observations fit any, so that such points tell nothing.
         """
         sharp = np.array([material.sharpness for material in CANDIDATES], np.float32)
