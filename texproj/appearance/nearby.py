@@ -38,8 +38,8 @@ def told_nearby(points: LitPoints, fit: LightFit, cell: Index) -> LightFit:
         order = np.argsort(number, kind="stable")
         groups, point = np.unique(number[order], return_inverse=True)
         ones = np.ones(len(order), np.float32)
-        rgb = np.asarray(points.rgb[order], np.float32)
-        seen = Sightings(len(groups), point, np.zeros_like(point), rgb, ones)
+        shown = points.rgb[order].astype(np.float32)
+        seen = Sightings(len(groups), point, np.zeros_like(point), shown, ones)
         light = fit.sky if fit.sun is None else np.vstack([fit.sky, fit.sun])
         paint = palette[groups % len(centers)]
         light, _ = stepped(seen, columns[order], light, irradiance[order], paint)
