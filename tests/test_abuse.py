@@ -187,6 +187,24 @@ def test_a_camera_entry_with_a_wrong_type(folder, capsys, value):
             assert outcome(capsys, words[0], folder, *words[1:])[0] in (0, 2), text
 
 
+@pytest.mark.parametrize("twice", ["masks/b.png", "correspondences/a.csv"])
+def test_two_files_for_one_photo_stop_no_other(folder, capsys, twice):
+    """Its two masks or picks are told where that photo is used; all else goes on, `status` too."""
+    other = folder / twice.replace("a.csv", "a.png.csv").replace("b.png", "b.png.png")
+    other.write_bytes((folder / twice).read_bytes())
+    photo = "a.png" if "csv" in twice else "b.png"
+    project = Project.open(folder)
+
+    assert main(["status", str(folder)]) == 0
+    code, complaint = outcome(capsys, "run", folder)
+    failed = {**project.load_record("color")["failed"]}
+    records = project.load_cameras()
+    failed |= {n: r.quality["reason"] for n, r in records.items() if r.status == "failed"}
+    assert code == 1 and "of 3 photos" in complaint
+    assert list(failed) == [photo] and f"both belong to {photo}; keep one" in failed[photo]
+    assert main(["report", str(folder)]) == 0
+
+
 @pytest.mark.parametrize(
     "text",
     [

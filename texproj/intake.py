@@ -143,6 +143,13 @@ def one_of(found: Found, photo: str) -> Path | None:
     return found.paths.get(photo)
 
 
+def all_of(found: Found, photo: str) -> tuple[Path, ...]:
+    """The files that claim a photo: one, none, or by mistake several."""
+    if photo in found.several:
+        return tuple(found.several[photo])
+    return (found.paths[photo],) if photo in found.paths else ()
+
+
 def _matched(
     folder: Path,
     photos: Iterable[str],

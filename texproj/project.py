@@ -6,7 +6,7 @@ Everything is read on demand and written to a temporary name, then renamed.
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -29,6 +29,7 @@ from texproj.formats.meshes import MESH_SUFFIXES
 from texproj.formats.photos import PHOTO_SUFFIXES, RAW_SUFFIXES, SAID
 from texproj.intake import (
     Found,
+    all_of,
     find_crossed,
     find_masks,
     find_photos,
@@ -238,6 +239,14 @@ class Project:
         """The stencil of photo `name`, None if it has none. Raises InputError where it has two."""
         return one_of(self._masks, name)
 
+    def mask_files(self, name: str) -> tuple[Path, ...]:
+        """The files that claim to be the stencil of photo `name`, of which there should be one."""
+        return all_of(self._masks, name)
+
+    def picks_files(self, name: str) -> tuple[Path, ...]:
+        """The files that claim to be the picks of photo `name`, of which there should be one."""
+        return all_of(self._picks, name)
+
     def correspondences_path(self, name: str) -> Path:
         """Where the picks of photo `name` are, or would be. Raises InputError for two files."""
         usual = self.picks / f"{Path(name).stem}.csv"
@@ -380,10 +389,13 @@ class Project:
         with staging(path.parent) as folder:
             np.save(folder / path.name, array, allow_pickle=False)
 
-    def hash_of(self, path: Path | None) -> str | None:
+    def hash_of(self, path: Path | Sequence[Path] | None) -> str | None:
         """Hash of a file's content, read again only when its size or time changed; one that may not
-        be read has a hash too: whoever needs its content says what is wrong.
+        be read has a hash too, and so have several that claim the same: whoever needs their content
+        says what is wrong.
         """
+        if isinstance(path, Sequence):
+            return "+".join(str(self.hash_of(one)) for one in path) or None
         if path is None or not path.is_file():
             return None
         stamp = [(stat := path.stat()).st_size, stat.st_mtime_ns]

@@ -300,7 +300,7 @@ def _photo_inputs(project: Project, name: str, record: CameraRecord) -> Inputs:
     if record.registered_camera is None:
         return {}
     camera = {"width": record.width, "height": record.height, **camera_part(record)}
-    files = {name: project.photo_path(name), f"mask of {name}": project.mask_path(name)}
+    files = {name: project.photo_path(name), f"mask of {name}": project.mask_files(name)}
     hidden = occluder_inputs(project, name)
     return {**file_inputs(project, **files), **hidden, f"camera of {name}": json_hash(camera)}
 

@@ -47,7 +47,7 @@ class Kept:
         project = self.project
         files = {
             "photo": project.photo_path(name),
-            "correspondences": project.correspondences_path(name),
+            "correspondences": project.picks_files(name),
         }
         hidden = (project.load_record(COLOR) or {}).get("occluders", {})
         if name in hidden:

@@ -52,8 +52,8 @@ class Sources:
         if name not in self._files:
             project = self.project
             self._files[name] = file_inputs(
-                project, photo=project.photo_path(name), mask=project.mask_path(name),
-                correspondences=project.correspondences_path(name),
+                project, photo=project.photo_path(name), mask=project.mask_files(name),
+                correspondences=project.picks_files(name),
             )  # fmt: skip
         return self._files[name]
 

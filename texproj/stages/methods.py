@@ -65,7 +65,7 @@ class Job:
     def has_means(self) -> bool:
         """Whether the photo has picks or a pose to start from, and so needs no other photo."""
         posed = self.start is not None and self.start.pose is not None
-        return posed or self.project.correspondences_path(self.name).is_file()
+        return posed or bool(self.project.picks_files(self.name))
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +126,7 @@ def search_by_own_means(job: Job) -> Search:
     a start.
     """
     search = Search()
-    if job.project.correspondences_path(job.name).is_file():
+    if job.project.picks_files(job.name):
         search = search.then([("points", partial(_by_points, job))])
     given = job.start.camera if job.start is not None else None
     starts = [*search.starts, *([given] if given is not None else [])]
@@ -142,7 +142,7 @@ def is_slow(job: Job, method: str) -> bool:
     """Whether a search of the photo alone takes seconds: picks take no time where they fit."""
     if method in ("points", "silhouette"):
         return method == "silhouette"
-    picked = job.project.correspondences_path(job.name).is_file()
+    picked = bool(job.project.picks_files(job.name))
     return job.starts_somewhere and not (method == AUTO and picked)
 
 
@@ -154,7 +154,7 @@ def search_by_others(job: Job, earlier: str, before: Collection[str] | None = No
     tried already in this run, where it was.
     """
     attempts: list[Attempt] = [("features", partial(_by_features, job))]
-    if before is None and job.project.mask_path(job.name) is not None:
+    if before is None and job.project.mask_files(job.name):
         attempts.append(("silhouette", partial(_by_silhouette, job)))
     places = [] if job.has_means else [n for n in job.neighbors if n not in (before or ())]
     attempts += [("structure", partial(_from_place_of, job, n)) for n in places[:NEAREST]]

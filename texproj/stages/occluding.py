@@ -72,7 +72,7 @@ def occluder_inputs(project: Project, name: str) -> Inputs:
 
 def _inputs(project: Project, cameras: Mapping[str, Camera]) -> Inputs:
     files = {name: project.photo_path(name) for name in cameras}
-    masks = {f"mask of {name}": project.mask_path(name) for name in cameras}
+    masks = {f"mask of {name}": project.mask_files(name) for name in cameras}
     known = project.load_cameras()
     return {
         **options_inputs(project, VERSION, "render"),

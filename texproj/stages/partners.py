@@ -30,7 +30,7 @@ SAMPLED_EACH, COMPARED_EACH = 200, 1000
 
 def content_key(project: Project, name: str) -> str:
     """Another word for other content of the photo or of its mask."""
-    parts = (project.hash_of(project.photo_path(name)), project.hash_of(project.mask_path(name)))
+    parts = (project.hash_of(project.photo_path(name)), project.hash_of(project.mask_files(name)))
     return content_hash("-".join(map(str, parts)).encode())
 
 

@@ -110,7 +110,7 @@ def lying_mask(bench: Workbench, name: str, camera: Camera) -> str:
     """
     project = bench.project
     turns = QUARTER_TURNS.get(project.photo_info(name).orientation, 0)
-    if not turns or project.mask_path(name) is None:
+    if not turns or not project.mask_files(name):
         return ""
     mask = project.load_photo(name, WORKING_PX).mask
     if mask is None or (turns % 2 and mask.shape[0] != mask.shape[1]):

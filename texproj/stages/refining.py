@@ -319,13 +319,11 @@ def _inputs(project: Project, entries: Entries, record: Mapping[str, Any]) -> In
     for name, entry in entries.items():
         if name not in project.photo_paths or entry.status == "prior":
             continue
-        files = {name: project.photo_path(name), f"mask of {name}": project.mask_path(name)}
+        files = {name: project.photo_path(name), f"mask of {name}": project.mask_files(name)}
         inputs |= file_inputs(project, **files)
         inputs[f"registration of {name}"] = _registration(entry, name, record)
         if project.settings.refine.hold == "picks":
-            inputs |= file_inputs(
-                project, **{f"picks of {name}": project.correspondences_path(name)}
-            )
+            inputs |= file_inputs(project, **{f"picks of {name}": project.picks_files(name)})
     return inputs
 
 

@@ -95,7 +95,7 @@ def _inputs(project: Project) -> Inputs:
     }
     for name in project.photo_names:
         shown[name] = project.photo_path(name)
-        shown[f"correspondences of {name}"] = project.correspondences_path(name)
+        shown[f"correspondences of {name}"] = project.picks_files(name)
     return {
         **options_inputs(project, VERSION, "refine", "render"),
         "texproj": __version__,
