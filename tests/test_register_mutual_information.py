@@ -78,7 +78,7 @@ def test_the_mirror_image_of_a_nearly_symmetric_object_is_refused():
     photo, truth = scene.photos[1], scene.cameras[1]
     toward = truth.center - scene.mesh.vertices
     points = scene.mesh.vertices[(toward * vertex_normals(scene.mesh)).sum(1) > 0][::7]
-    start = disturbed(truth, points, 30, np.random.default_rng([1, 1, 9]))
+    start = disturbed(truth, points, 20, np.random.default_rng([1, 1, 9]))
     mirrored = replace(photo, pixels=np.ascontiguousarray(photo.pixels[:, ::-1]))
 
     def render(camera):
