@@ -171,16 +171,27 @@ class Restarting:
         return {worker: work(*args)} if at or self.there or self.calls == 1 else {}
 
 
+def unreadable(path):
+    raise PermissionError(13, "Permission denied", str(path))
+
+
 def test_a_file_reaches_whichever_worker_lives(project, tmp_path, monkeypatch):
     monkeypatch.setattr(copies, "gettempdir", lambda: str(tmp_path))
     monkeypatch.setattr(copies, "LISTEN_S", 0.01)
     there = copies.Copies.begun(Restarting(1), project, "run")
-    there.bring(project.mesh_path)
+    link = project.root / "photos" / "linked.png"
+    link.symlink_to(project.mesh_path)
+    with monkeypatch.context() as patched:
+        patched.setattr(copies, "_blocks", unreadable)
+        there.bring(project.mesh_path)
+    there.bring(project.mesh_path, link)
+    link.unlink()
     same_file = copies.copy_of("run") / project.mesh_path.relative_to(project.root)
     monkeypatch.setattr(copies, "ALONE_S", 0.1)
     gone = copies.Copies.begun(Restarting(0), project, "other")
 
     assert same_file.read_bytes() == project.mesh_path.read_bytes()
+    assert copies.copy_of("run").joinpath("photos/linked.png").is_file()
     with pytest.raises(ClusterError, match="has no worker any more"):
         gone.bring(project.mesh_path)
 

@@ -150,12 +150,11 @@ def blocks(count: int) -> Iterator[slice]:
     return (slice(start, min(start + BLOCK, count)) for start in range(0, count, BLOCK))
 
 
-def blocks_summed(mesh: Mesh) -> Iterator[slice]:
-    """Parts of the faces, at most a few dozen: where each adds to all vertices, time does not grow
-    with the square of the mesh.
+def blocks_summed(count: int, vertices: int) -> Iterator[slice]:
+    """Consecutive parts of so many faces, at most a few dozen: where each adds to all vertices,
+    time does not grow with the square of the mesh.
     """
-    size = max(BLOCK, len(mesh.vertices) // 8)
-    count = len(mesh.faces)
+    size = max(BLOCK, vertices // 8)
     return (slice(start, min(start + size, count)) for start in range(0, count, size))
 
 
@@ -213,7 +212,7 @@ def face_areas(mesh: Mesh) -> NDArray[np.float64]:
 def vertex_normals(mesh: Mesh) -> NDArray[np.float64]:
     """(V, 3) area-weighted unit normals; zero for vertices without a face."""
     sums = np.zeros((3, len(mesh.vertices)))
-    for rows in blocks_summed(mesh):
+    for rows in blocks_summed(len(mesh.faces), len(mesh.vertices)):
         faces = mesh.faces[rows]
         for axis, part in enumerate(face_cross(mesh.vertices, faces).T):
             sums[axis] += np.bincount(faces.ravel(), np.repeat(part, 3), sums.shape[1])

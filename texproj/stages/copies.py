@@ -29,7 +29,9 @@ FORGOTTEN_S = 86_400
 
 @dataclass(frozen=True, eq=False)
 class Copies:
-    """run: another word for each run; machines: host and folder of each copy."""
+    """project: its root resolved; run: another word for each run; machines: host and folder of each
+    copy.
+    """
 
     cluster: Cluster
     project: Project
@@ -55,24 +57,29 @@ class Copies:
         Raises InputError for a file outside the project folder, and where a machine has no room.
         """
         for path in (file for place in places for file in _files(place)):
-            stat = path.stat()
-            stamp = (stat.st_size, stat.st_mtime_ns)
-            if self._sent.get(path) != stamp:
-                self._send(path)
-                self._sent[path] = stamp
+            with suppress(OSError):  # of this machine: whoever reads the file says what is wrong
+                stat = path.stat()
+                stamp = (stat.st_size, stat.st_mtime_ns)
+                if self._sent.get(path) != stamp:
+                    self._send(path)
+                    self._sent[path] = stamp
 
     def _send(self, path: Path) -> None:
-        try:
-            inside = path.resolve().relative_to(self.project.root.resolve()).as_posix()
-        except ValueError:
-            raise InputError(
-                f"{path} lies outside the project folder, which workers do not see: put it there,"
-                " or the folder on storage that all workers share"
-            ) from None
+        inside = self._inside(path)
         for start, data in _blocks(path):
             for worker, why in self._on_each_machine(_write, inside, start, data).items():
                 if why is not None:
                     raise InputError(f"{path} cannot be copied to the worker at {worker}: {why}")
+
+    def _inside(self, path: Path) -> str:
+        """Where a file is in the project folder, a link by its own place. Raises InputError."""
+        for place in (Path(os.path.normpath(path)), path.parent.resolve() / path.name):
+            if place.is_relative_to(self.project.root):
+                return place.relative_to(self.project.root).as_posix()
+        raise InputError(
+            f"{path} lies outside the project folder, which workers do not see: put it there, or"
+            " the folder on storage that all workers share"
+        )
 
     def _on_each_machine(self, work: Callable[..., T], *args: Any) -> dict[str, T]:
         """What ``work(run, *args)`` gives in one worker of each machine, which may have ended and

@@ -15,7 +15,7 @@ from texproj.arrays import Floats
 from texproj.color.filling.gutters import Weighed, enlarged, filled_half
 from texproj.color.filling.vertices import fill_vertices
 from texproj.color.points.texels import TexelPoints
-from texproj.mesh import Mesh, blocks
+from texproj.mesh import Mesh, blocks_summed
 from texproj.resources.threads import in_parallel
 from texproj.unwrap.atlas import Atlas
 
@@ -151,7 +151,7 @@ def vertex_colors(
     total = np.zeros((4, len(mesh.vertices)))
     for page, (image, distance) in enumerate(zip(pages, apart, strict=True)):
         on_page = np.flatnonzero(atlas.page_of_face == page)
-        for rows in blocks(len(on_page)):
+        for rows in blocks_summed(len(on_page), len(mesh.vertices)):
             faces = on_page[rows]
             corners = atlas.uv_px[atlas.faces[faces]]
             xy = corners + INWARDS * (corners.mean(axis=1, keepdims=True) - corners)

@@ -105,7 +105,7 @@ class VertexPoints:
     def of(cls, mesh: Mesh) -> Self:
         """All vertices of the mesh."""
         area = np.zeros(len(mesh.vertices))
-        for rows in blocks_summed(mesh):
+        for rows in blocks_summed(len(mesh.faces), len(area)):
             faces = mesh.faces[rows]
             third = face_areas(Mesh(mesh.vertices, faces)) / 3
             area += np.bincount(faces.ravel(), np.repeat(third, 3), len(area))

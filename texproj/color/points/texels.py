@@ -136,9 +136,10 @@ def _write_page(
     for y in range(0, height, TILE):
         rows = slice(y, min(y + TILE, height))
         columns = [slice(x, min(x + TILE, width)) for x in range(0, width, TILE)]
-        parts = [faces[rows, some] for some in columns]
-        if growing is not None:
-            parts = [_grown(faces, rows, some, growing) for some in columns]
+        parts = [
+            faces[rows, some] if growing is None else _grown(faces, rows, some, growing)
+            for some in columns
+        ]
         own = frames or _Frames.of(mesh, atlas, _present(parts, len(mesh.faces)))
         places = [(page, rows, some) for some in columns]
         tiles += _write_tiles(places, parts, own, scratch)
