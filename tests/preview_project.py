@@ -24,6 +24,8 @@ from texproj.records import CameraRecord
 WIDTH, HEIGHT = 640, 480
 DISTORTION = (-0.12, 0.05, 0.002, -0.0015, 0.0)
 BROKEN = "9999.jpg"
+SHUTDOWN_S = 15
+"""At most, until connections are closed; a busy machine takes longer than the one that serves."""
 
 
 def blocks() -> trimesh.Trimesh:
@@ -134,7 +136,9 @@ def running(
     listener = listen("127.0.0.1", port)
     port = listener.getsockname()[1]
     config = uvicorn.Config(
-        guarded_app(session, port, token), log_level="warning", timeout_graceful_shutdown=1
+        guarded_app(session, port, token),
+        log_level="warning",
+        timeout_graceful_shutdown=SHUTDOWN_S,
     )
     server = Server(config, session)
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
@@ -145,5 +149,5 @@ def running(
         yield f"http://127.0.0.1:{port}"
     finally:
         server.should_exit = True
-        thread.join(10)
+        thread.join(2 * SHUTDOWN_S)
         listener.close()

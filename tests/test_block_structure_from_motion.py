@@ -368,6 +368,41 @@ def test_stop_ends_the_process_at_once(scene, tmp_path, started):
     assert len(read) <= len(scene[0].photos) - 2
 
 
+KILLED = """
+import os, pickle, sys
+import numpy as np
+import pycolmap
+from texproj.colmap.database import FeatureStore
+from texproj.colmap.messages import Features, Lens, Match, Task
+task = Task(sys.argv[1], "", ("a", "b"), (Lens(64, 48),), (0, 0), 1)
+points = np.arange(8, dtype=np.float32).reshape(2, 4)
+rows = pycolmap.FeatureDescriptors(
+    type=pycolmap.FeatureExtractorType.SIFT, data=np.zeros((2, 128), np.uint8)
+)
+if sys.argv[2]:
+    setattr(pycolmap.Database, sys.argv[2], lambda *values: os._exit(9))
+with FeatureStore(task) as store:
+    for key in task.keys:
+        if not store.has_features(key):
+            store.save_features(Features(key, points, pickle.dumps(rows)))
+    if not store.was_matched(*task.keys):
+        geometry = pickle.dumps(pycolmap.TwoViewGeometry())
+        store.save_match(Match(task.keys, np.zeros((1, 2), np.uint32), geometry))
+    sys.exit(0 if store.was_matched(*task.keys) else 1)
+"""
+
+
+def test_killed_between_two_writes_it_goes_on(colmap, tmp_path):
+    """Whatever was half-written is not there for the next run, which writes it all."""
+    for last in ("write_frame", "write_descriptors", "write_two_view_geometry", ""):
+        said = subprocess.run(
+            [sys.executable, "-c", KILLED, tmp_path / "features.db", last],
+            check=False, capture_output=True, text=True,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        )  # fmt: skip
+        assert said.returncode == (9 if last else 0), said.stderr
+
+
 ORPHAN = """
 import sys
 from texproj.colmap.messages import Task, send

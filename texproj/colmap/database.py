@@ -32,12 +32,17 @@ DESCRIPTORS_EACH = 200
 
 
 class FeatureStore:
-    """The database, with the photos of a task in it. Photos are called by their keys there."""
+    """The database, with the photos of a task in it. Photos are called by their keys there.
+
+    What belongs together is written in one transaction: a process that is killed between two of
+    its parts leaves neither.
+    """
 
     def __init__(self, task: Task) -> None:
         self._task = task
         self._db = _opened(Path(task.database))
-        self._ids = self._entered()
+        with pycolmap.DatabaseTransaction(self._db):
+            self._ids = self._entered()
 
     def __enter__(self) -> FeatureStore:
         return self
@@ -107,8 +112,10 @@ class FeatureStore:
     def save_features(self, found: Features) -> None:
         """Keep a photo's features."""
         number = self._ids[found.key]
-        self._db.write_keypoints(number, found.points)
-        self._db.write_descriptors(number, pickle.loads(found.descriptors))
+        descriptors = pickle.loads(found.descriptors)
+        with pycolmap.DatabaseTransaction(self._db):
+            self._db.write_keypoints(number, found.points)
+            self._db.write_descriptors(number, descriptors)
 
     def load_features(self, key: str) -> Features:
         """A photo's features."""
@@ -155,8 +162,10 @@ class FeatureStore:
     def save_match(self, match: Match) -> None:
         """Keep what came of matching a pair."""
         ids = [self._ids[key] for key in match.pair]
-        self._db.write_matches(*ids, match.rows)
-        self._db.write_two_view_geometry(*ids, pickle.loads(match.geometry))
+        geometry = pickle.loads(match.geometry)
+        with pycolmap.DatabaseTransaction(self._db):
+            self._db.write_matches(*ids, match.rows)
+            self._db.write_two_view_geometry(*ids, geometry)
 
     def batch(self, pairs: Sequence[tuple[str, str]]) -> Batch:
         """What somebody else needs to match pairs."""
