@@ -60,8 +60,8 @@ def pack_mesh(
     normals = np.zeros((len(positions), 4), np.int8)
     normals[:, :3] = np.round(vertex_normals(mesh) * 127)
     faces = mesh.faces.astype(np.uint32)
-    arrays = {"positions": positions, "normals": normals, "faces": faces, **more}
-    return pack(arrays, center=list(center), of_faces=of_faces)
+    more |= {"positions": positions, "normals": normals, "faces": faces}
+    return pack(more, center=list(center), of_faces=of_faces)
 
 
 def simplified(mesh: Mesh, faces: int) -> LightMesh | None:

@@ -16,6 +16,7 @@ from scipy import sparse
 
 from texproj.arrays import Doubles
 from texproj.camera import Camera
+from texproj.solve.lm import Part
 from texproj.solve.reprojection import projection_jacobian
 from texproj.solve.shared_lens import LensParameters, ideal_of
 
@@ -101,12 +102,11 @@ class JointPoses:
             out[rows] = self._met(cameras[j], rows)
         return out
 
-    def jacobian(self, cameras: Cameras) -> Iterator[tuple[Rows, sparse.csr_matrix]]:
-        """Of the ties sought in one camera after the other: their rows, and the
-        (2 k, 6 cameras + lens parameters) derivative of these residuals by the step.
-        """
+    def jacobian(self, cameras: Cameras) -> Iterator[Part]:
+        """Of the ties of one pair of cameras after the other."""
         for i, rows in self._by_to:
-            yield rows, self._by_step(cameras, i, rows)
+            for j, chosen in _grouped(self.ties.source[rows]):
+                yield self._of_pair(cameras, i, j, rows[chosen])
 
     @cached_property
     def _by_to(self) -> list[tuple[int, Rows]]:
@@ -116,17 +116,25 @@ class JointPoses:
     def _by_source(self) -> list[tuple[int, Rows]]:
         return _grouped(self.ties.source)
 
-    def _by_step(self, cameras: Cameras, i: int, rows: Rows) -> sparse.csr_matrix:
-        """(2 k, 6 cameras + lens parameters) of the ties `rows`, all sought in camera i."""
-        names, sources = self.lenses.names, self.ties.source[rows]
-        own, other = np.empty((2, len(rows), 2, 6 + len(names)))
-        for j, chosen in _grouped(sources):
-            xyz = self._met(cameras[j], rows[chosen])
-            own[chosen] = projection_jacobian(cameras[i], xyz, names)
-            by_point = own[chosen, :, 3:6] @ cameras[i].pose.R
-            other[chosen] = by_point @ self._point_jacobian(cameras[j], rows[chosen], xyz)
-        blocks = np.stack([own, other]) / self.sigma_px[i]
-        return self._scattered(blocks[0], self.ties.to[rows]) + self._scattered(blocks[1], sources)
+    def _of_pair(self, cameras: Cameras, i: int, j: int, rows: Rows) -> Part:
+        """Of the ties `rows` of camera j, sought in camera i."""
+        xyz = self._met(cameras[j], rows)
+        own = projection_jacobian(cameras[i], xyz, self.lenses.names)
+        by_point = own[:, :, 3:6] @ cameras[i].pose.R
+        other = by_point @ self._point_jacobian(cameras[j], rows, xyz)
+        columns, free = self._columns(np.array([i, j]))
+        block = np.concatenate([own, other], axis=2) * (free.ravel() / self.sigma_px[i])
+        return Part(rows, columns.ravel(), block)
+
+    def _columns(self, camera: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+        """(n, 6 + names) of each of the cameras (n,): its parameters, and which are solved."""
+        lens = self.lenses.columns[camera]
+        columns = camera[:, None] * 6 + np.arange(6)
+        free = np.repeat(~self.fixed[camera][:, None], 6, axis=1)
+        return (
+            np.concatenate([columns, 6 * len(self.fixed) + lens], axis=1),
+            np.concatenate([free, self.lenses.free[lens]], axis=1),
+        )
 
     def step(self, cameras: Cameras, delta: Doubles) -> Cameras:
         """Each pose moved by its six numbers, each lens by its own."""
@@ -198,11 +206,7 @@ class JointPoses:
         cameras and lenses; what is fixed stays zero.
         """
         n, width = len(blocks), blocks.shape[2]
-        lens = self.lenses.columns[camera]
-        free = np.repeat(~self.fixed[camera][:, None], 6, axis=1)
-        free = np.concatenate([free, self.lenses.free[lens]], axis=1)
-        columns = camera[:, None] * 6 + np.arange(6)
-        columns = np.concatenate([columns, 6 * len(self.fixed) + lens], axis=1)
+        columns, free = self._columns(camera)
         indices = np.repeat(columns.astype(np.int32)[:, None], 2, axis=1).ravel()
         starts = np.arange(0, 2 * n * width + 1, width, dtype=np.int32)
         shape = (2 * n, 6 * len(self.fixed) + self.lenses.count)

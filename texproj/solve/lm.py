@@ -27,6 +27,17 @@ LEAST_DAMPING, MOST_DAMPING = 1e-12, 1e16
 Stop = Literal["gradient", "cost", "stuck", "iterations"]
 
 
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Of a jacobian: (k,) rows, each row in one part; (w,) columns, some may be there twice and are
+    added; (k, d, w) their derivative.
+    """
+
+    rows: NDArray[np.intp]
+    columns: NDArray[np.intp]
+    block: Doubles
+
+
 class Problem(Protocol[X]):
     """What the solver asks of a problem; residuals are divided by their standard deviation."""
 
@@ -34,9 +45,8 @@ class Problem(Protocol[X]):
         """(n, d) residual rows; NaN where it cannot be computed, which counts as `FAR` off."""
 
     def jacobian(self, x: X) -> Any:
-        """(n, d, p) float64 derivative of the residual by `step`'s delta, or an iterator over parts
-        of it that are never there together: (k,) numbers of rows, each row once, and their
-        (k * d, p) scipy.sparse matrix."""
+        """(n, d, p) float64 derivative of the residual by `step`'s delta, or an iterator over the
+        parts of it that are not zero, which are never there together."""
 
     def step(self, x: X, delta: Doubles) -> X:
         """A new x, moved by `delta` (p,)."""
@@ -221,19 +231,20 @@ class _Linearized(Generic[X]):
 
 
 def _summed(
-    parts: Iterator[tuple[NDArray[np.intp], Any]], clean: Doubles, weights: Doubles, width: int
+    parts: Iterator[Part], clean: Doubles, weights: Doubles, width: int
 ) -> tuple[Any, Doubles]:
     """((p, p) sparse J'WJ, (p,) J'Wr) of the parts of a jacobian with p = width columns."""
-    gradient, blocks = np.zeros(width), [sparse.coo_matrix((width, width))]
-    for rows, part in parts:
-        weighted = part.T.multiply(np.repeat(weights[rows], clean.shape[1])).tocsr()
-        gradient += weighted @ clean[rows].ravel()
-        blocks.append((weighted @ part).tocoo())
-    row, column, value = (
-        np.concatenate([getattr(block, name) for block in blocks])
-        for name in ("row", "col", "data")
-    )
-    return sparse.csc_array((value, (row, column)), (width, width)), gradient
+    gradient, none = np.zeros(width), np.zeros(0, np.intp)
+    row, column, value = [none], [none], [np.zeros(0)]
+    for part in parts:
+        dense = part.block.reshape(-1, len(part.columns))
+        weighted = dense.T * np.repeat(weights[part.rows], clean.shape[1])
+        np.add.at(gradient, part.columns, weighted @ clean[part.rows].ravel())
+        value.append((weighted @ dense).ravel())
+        row.append(np.repeat(part.columns, len(part.columns)))
+        column.append(np.tile(part.columns, len(part.columns)))
+    places = np.concatenate(row), np.concatenate(column)
+    return sparse.csc_array((np.concatenate(value), places), (width, width)), gradient
 
 
 def _is_sparse(matrix: Any) -> bool:
