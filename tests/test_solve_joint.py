@@ -109,7 +109,7 @@ def whole(joint: JointPoses, cameras) -> np.ndarray:
     out = np.full((len(joint.ties), 2, 6 * len(cameras) + joint.lenses.count), np.nan)
     for part in joint.jacobian(cameras):
         out[part.rows] = 0
-        np.add.at(out, (part.rows[:, None, None], [[0], [1]], part.columns), part.block)
+        np.add.at(out, (part.rows[:, None], slice(None), part.columns), part.block.swapaxes(1, 2))
     return out.reshape(2 * len(joint.ties), -1)
 
 

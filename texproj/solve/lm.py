@@ -11,11 +11,10 @@ from dataclasses import dataclass
 from typing import Any, Generic, Literal, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from texproj.arrays import Doubles
+from texproj.arrays import Doubles, Index
 
 X = TypeVar("X")
 FAR = 1e6
@@ -27,17 +26,6 @@ LEAST_DAMPING, MOST_DAMPING = 1e-12, 1e16
 Stop = Literal["gradient", "cost", "stuck", "iterations"]
 
 
-@dataclass(frozen=True, eq=False)
-class Part:
-    """Of a jacobian: (k,) rows, each row in one part; (w,) columns, some may be there twice and are
-    added; (k, d, w) their derivative.
-    """
-
-    rows: NDArray[np.intp]
-    columns: NDArray[np.intp]
-    block: Doubles
-
-
 class Problem(Protocol[X]):
     """What the solver asks of a problem; residuals are divided by their standard deviation."""
 
@@ -45,8 +33,8 @@ class Problem(Protocol[X]):
         """(n, d) residual rows; NaN where it cannot be computed, which counts as `FAR` off."""
 
     def jacobian(self, x: X) -> Any:
-        """(n, d, p) float64 derivative of the residual by `step`'s delta, or an iterator over the
-        parts of it that are not zero, which are never there together."""
+        """(n, d, p) float64 derivative of the residual by `step`'s delta, or an iterator over parts
+        of it, which are never there together."""
 
     def step(self, x: X, delta: Doubles) -> X:
         """A new x, moved by `delta` (p,)."""
@@ -54,6 +42,18 @@ class Problem(Protocol[X]):
     def prior(self, x: X) -> tuple[Doubles, Any]:
         """((q,) residuals, (q, p) jacobian) of what is known beforehand; never reweighted. The
         jacobian may be sparse where that of the residuals is."""
+
+
+@dataclass(frozen=True, eq=False)
+class JacobianPart:
+    """Rows of a jacobian that few parameters move. rows: (k,) their numbers, each in one part;
+    columns: (c,) numbers of the parameters; block: (k, d, c), of which columns of the same number
+    add up.
+    """
+
+    rows: Index
+    columns: Index
+    block: Doubles
 
 
 @dataclass(frozen=True)
@@ -231,20 +231,21 @@ class _Linearized(Generic[X]):
 
 
 def _summed(
-    parts: Iterator[Part], clean: Doubles, weights: Doubles, width: int
+    parts: Iterator[JacobianPart], clean: Doubles, weights: Doubles, width: int
 ) -> tuple[Any, Doubles]:
     """((p, p) sparse J'WJ, (p,) J'Wr) of the parts of a jacobian with p = width columns."""
-    gradient, none = np.zeros(width), np.zeros(0, np.intp)
-    row, column, value = [none], [none], [np.zeros(0)]
+    gradient = np.zeros(width)
+    numbers, values = [np.zeros((2, 0), np.int32)], [np.zeros(0)]
     for part in parts:
-        dense = part.block.reshape(-1, len(part.columns))
-        weighted = dense.T * np.repeat(weights[part.rows], clean.shape[1])
-        np.add.at(gradient, part.columns, weighted @ clean[part.rows].ravel())
-        value.append((weighted @ dense).ravel())
-        row.append(np.repeat(part.columns, len(part.columns)))
-        column.append(np.tile(part.columns, len(part.columns)))
-    places = np.concatenate(row), np.concatenate(column)
-    return sparse.csc_array((np.concatenate(value), places), (width, width)), gradient
+        columns = part.columns.astype(np.int32)
+        block = part.block.reshape(-1, len(columns))
+        weighted = block.T * np.repeat(weights[part.rows], clean.shape[1])
+        np.add.at(gradient, columns, weighted @ clean[part.rows].ravel())
+        numbers.append(np.stack([np.repeat(columns, len(columns)), np.tile(columns, len(columns))]))
+        values.append((weighted @ block).ravel())
+    row, column = np.concatenate(numbers, axis=1)
+    value = np.concatenate(values)
+    return sparse.csc_array((value, (row, column)), (width, width)), gradient
 
 
 def _is_sparse(matrix: Any) -> bool:
