@@ -22,7 +22,13 @@ from texproj.appearance.flash.few_views import ENOUGH
 from texproj.appearance.flash.head_on import Witnesses
 from texproj.appearance.flash.lamp import Lamp
 from texproj.appearance.flash.materials import base_materials
-from texproj.appearance.flash.observations import Flashes, LampShadows, Observations, Surfel
+from texproj.appearance.flash.observations import (
+    Flashes,
+    LampShadows,
+    Observations,
+    Surfel,
+    dots,
+)
 from texproj.appearance.flash.pooled import Pooled, pooled
 from texproj.appearance.flash.reflection import CANDIDATES, Material
 from texproj.appearance.flash.voting import Voters, near_neighbors, settled, smoothed
@@ -172,6 +178,7 @@ def find_materials(
     goes astray as soon as highlights are not quite those of the model.
     """
     near = near_neighbors(surfels.xyz, surfels.normal)
+    flat = dots(surfels.normal, near @ surfels.normal)
     hits = surface_hits(shadows, surfels)
     known = lamp.intensity is not None
     lamp = lamp if known else replace(lamp, intensity=1.0)
@@ -189,7 +196,7 @@ def find_materials(
     for _ in range(ROUNDS):
         rgb = fit_lambert(search.seen).color
         label, voters = search.settle(kinds, rgb)
-        told, label = _merged(pooled(search.seen, label, kinds), label, search.seen)
+        told, label = _merged(pooled(search.seen, label, kinds, flat), label, search.seen)
         kinds = [one.material for one in told]
         fit = fit_each(search.seen, kinds, label)
         field = search.bounce(Nodes(surfels, fit.color, label, kinds))

@@ -10,7 +10,7 @@ from scipy.optimize import minimize, minimize_scalar
 
 from texproj.appearance.flash.closed_form import fit_material
 from texproj.appearance.flash.observations import Observations
-from texproj.appearance.flash.reflection import DIELECTRIC, Material
+from texproj.appearance.flash.reflection import DIELECTRIC, Material, usual_edge
 from texproj.arrays import Floats, Index
 
 POINTS = 4000
@@ -18,11 +18,26 @@ FEWEST = 20
 BEST = 0.6
 """Part of the points that tell."""
 
+FLAT, FEWEST_FLAT = 0.3, 500
+"""Part of a material's points, and how many at least, that lie flattest: only they are asked. Where
+the surface bends, mirrors look rougher than they are: normals are off, and light comes from around.
+"""
+
 SMOOTH = 0.6
 """Roughness from which on the mirror of a dielectric drowns in its paint: F0 is taken for usual."""
 
-STEP = 0.06
-"""Half of the range of roughness about the candidate that is looked at."""
+STEP, ROUGH_STEP = 0.06, 0.16
+"""Half of the range of roughness about the candidate that is looked at, and of rough paint, whose
+edge makes up for it: .72 and .84 fit a coarse grid alike.
+"""
+
+TRIED = 9
+"""Roughnesses over that range, each with its best edge."""
+
+EDGE_SPREAD, EDGE_PULL = 0.35, 0.01
+"""By how much edges differ from the usual one of their roughness among measured paints (Burley
+2012, fig. 7), and what that much costs: as much as a hundredth of the noise's own cost.
+"""
 
 F0_BOUNDS = (0.01, 0.12)
 """Of dielectrics from porous stone to gems."""
@@ -46,12 +61,16 @@ class Pooled:
     points: int
 
 
-def pooled(seen: Observations, label: Index, known: Sequence[Material]) -> list[Pooled]:
-    """Each material refined over its points."""
+def pooled(
+    seen: Observations, label: Index, known: Sequence[Material], flat: Floats
+) -> list[Pooled]:
+    """Each material refined over its points. flat: (n,) the larger, the flatter it is there."""
     rng = np.random.default_rng(0)
     out = []
     for number, material in enumerate(known):
         rows = np.flatnonzero((label == number) & (seen.number >= 3))
+        most = max(round(FLAT * len(rows)), FEWEST_FLAT)
+        rows = np.sort(rows[np.argsort(-flat[rows], kind="stable")[:most]])
         if len(rows) > POINTS:
             rows = np.sort(rng.choice(rows, POINTS, replace=False))
         if len(rows) < FEWEST:
@@ -70,41 +89,64 @@ def _best(seen: Observations, material: Material) -> Observations:
 
 
 def _refined(seen: Observations, start: Material) -> Pooled:
-    low, high = max(start.roughness - STEP, 0.08), min(start.roughness + STEP, 1.0)
-
     def cost(material: Material) -> float:
-        return float(_mean_cost(seen, material)) + material.sharpness
+        return float(_mean_cost(seen, material)) + material.sharpness + _unusual(material)
 
-    def best(values: tuple[float, float], change: Callable[[float], Material]) -> float:
-        found = minimize_scalar(
-            lambda x: cost(change(float(x))), bounds=values, method="bounded",
-            options={"xatol": 4e-3, "maxiter": 16},
-        )  # fmt: skip
-        return float(found.x)
-
-    if start.metal or start.roughness > SMOOTH:
-        now = replace(start, roughness=best((low, high), lambda r: replace(start, roughness=r)))
-        return Pooled(_edged(now, best), False, seen.count)
-    found = minimize(
+    if start.metal:
+        bounds = _about(start, STEP)
+        return Pooled(_least(cost, bounds, lambda r: replace(start, roughness=r)), False, seen.count)
+    if start.roughness > SMOOTH:
+        tried = (_edged(replace(start, roughness=r), cost) for r in _rough(start))
+        found = min(tried, key=cost)
+        step = 2 * ROUGH_STEP / (TRIED - 1)
+        found = _least(cost, _about(found, step), lambda r: replace(found, roughness=r))
+        return Pooled(_edged(found, cost), False, seen.count)
+    low, high = _about(start, STEP)
+    best = minimize(
         lambda x: cost(replace(start, roughness=float(x[0]), f0=float(np.exp(x[1])))),
         [start.roughness, np.log(start.f0)], method="Nelder-Mead",
         bounds=[(low, high), tuple(np.log(F0_BOUNDS))],
         options={"xatol": 2e-3, "fatol": 1e-5, "maxfev": 50, "initial_simplex": _simplex(start)},
     )  # fmt: skip
-    now = replace(start, roughness=float(found.x[0]), f0=float(np.exp(found.x[1])))
-    now = _edged(now, best)
+    now = replace(start, roughness=float(best.x[0]), f0=float(np.exp(best.x[1])))
+    now = _edged(now, cost)
     off = min(cost(replace(now, f0=now.f0 * factor)) for factor in (0.8, 1.25))
     told = off > (1 + TELLING) * cost(now) and F0_BOUNDS[0] < now.f0 < F0_BOUNDS[1]
     return Pooled(now if told else replace(now, f0=DIELECTRIC), bool(told), seen.count)
 
 
-def _edged(
-    now: Material, best: Callable[[tuple[float, float], Callable[[float], Material]], float]
+Cost = Callable[[Material], float]
+
+
+def _about(start: Material, step: float) -> tuple[float, float]:
+    return max(start.roughness - step, 0.08), min(start.roughness + step, 1.0)
+
+
+def _rough(start: Material) -> list[float]:
+    low, high = _about(start, ROUGH_STEP)
+    return [float(r) for r in np.linspace(max(low, SMOOTH), high, TRIED)]
+
+
+def _least(
+    cost: Cost, bounds: tuple[float, float], change: Callable[[float], Material]
 ) -> Material:
-    """With its own edge: after the roughness, which hardly depends on it."""
-    if now.metal:
-        return now
-    return replace(now, edge=best(EDGE_BOUNDS, lambda edge: replace(now, edge=edge)))
+    """The best of the materials that one number changes."""
+    found = minimize_scalar(
+        lambda x: cost(change(float(x))), bounds=bounds, method="bounded",
+        options={"xatol": 4e-3, "maxiter": 16},
+    )  # fmt: skip
+    return change(float(found.x))
+
+
+def _edged(now: Material, cost: Cost) -> Material:
+    """With its own edge."""
+    return _least(cost, EDGE_BOUNDS, lambda edge: replace(now, edge=edge))
+
+
+def _unusual(material: Material) -> float:
+    """What an edge costs that is none of its roughness."""
+    off = (material.values[3] - usual_edge(material.roughness)) / EDGE_SPREAD
+    return EDGE_PULL * off * off
 
 
 def _simplex(start: Material) -> list[list[float]]:
