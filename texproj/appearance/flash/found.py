@@ -178,7 +178,7 @@ def find_materials(
     goes astray as soon as highlights are not quite those of the model.
     """
     near = near_neighbors(surfels.xyz, surfels.normal)
-    flat = dots(surfels.normal, near @ surfels.normal)
+    clear = _clear(surfels, seen, near)
     hits = surface_hits(shadows, surfels)
     known = lamp.intensity is not None
     lamp = lamp if known else replace(lamp, intensity=1.0)
@@ -196,7 +196,7 @@ def find_materials(
     for _ in range(ROUNDS):
         rgb = fit_lambert(search.seen).color
         label, voters = search.settle(kinds, rgb)
-        told, label = _merged(pooled(search.seen, label, kinds, flat), label, search.seen)
+        told, label = _merged(pooled(search.seen, label, kinds, clear), label, search.seen)
         kinds = [one.material for one in told]
         fit = fit_each(search.seen, kinds, label)
         field = search.bounce(Nodes(surfels, fit.color, label, kinds))
@@ -209,6 +209,14 @@ def find_materials(
         search.flashes, search.lamp, field, voters, surfels, search.seen, label, fit,
         shadows, near, hits, not known, diagonal,
     )  # fmt: skip
+
+
+def _clear(surfels: Surfel, seen: Observations, neighbors: Any) -> Floats:
+    """(n,) how flat the surface is at points, 1 more where they saw their highlight. Where it bends
+    mirrors look rougher than they are: normals are off, and light comes from around.
+    """
+    flat = np.clip(dots(surfels.normal, neighbors @ surfels.normal), 0, 1)
+    return flat + (seen.nearest_highlight() >= HIGHLIGHT)
 
 
 def completed(found: Found, seen: Observations) -> Found:

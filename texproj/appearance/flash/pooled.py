@@ -15,24 +15,21 @@ from texproj.arrays import Floats, Index
 
 POINTS = 4000
 FEWEST = 20
-BEST = 0.6
-"""Part of the points that tell."""
-
-FLAT, FEWEST_FLAT = 0.3, 500
-"""Part of a material's points, and how many at least, that lie flattest: only they are asked. Where
-the surface bends, mirrors look rougher than they are: normals are off, and light comes from around.
+CLEAREST, FEWEST_CLEAR = 0.3, 500
+"""Part of a material's points that saw their highlight, and how many at least, that are asked: the
+clearest ones.
 """
 
 SMOOTH = 0.6
 """Roughness from which on the mirror of a dielectric drowns in its paint: F0 is taken for usual."""
 
-STEP, ROUGH_STEP = 0.06, 0.16
-"""Half of the range of roughness about the candidate that is looked at, and of rough paint, whose
-edge makes up for it: .72 and .84 fit a coarse grid alike.
-"""
+STEP = 0.06
+"""Half of the range of roughness about the candidate that is looked at."""
 
-TRIED = 9
-"""Roughnesses over that range, each with its best edge."""
+ROUGH = tuple(float(r) for r in np.linspace(SMOOTH, 1.0, 9))
+"""Roughnesses at which rough paint is tried, each with its best edge: .72 and .84, with edges as on
+the grid of candidates, fit alike, so that the candidate does not count.
+"""
 
 EDGE_SPREAD, EDGE_PULL = 0.35, 0.01
 """By how much edges differ from the usual one of their roughness among measured paints (Burley
@@ -62,30 +59,24 @@ class Pooled:
 
 
 def pooled(
-    seen: Observations, label: Index, known: Sequence[Material], flat: Floats
+    seen: Observations, label: Index, known: Sequence[Material], clear: Floats
 ) -> list[Pooled]:
-    """Each material refined over its points. flat: (n,) the larger, the flatter it is there."""
+    """Each material refined over its points. clear: (n,) how clearly each point tells, above 1
+    where it saw its highlight.
+    """
     rng = np.random.default_rng(0)
     out = []
     for number, material in enumerate(known):
         rows = np.flatnonzero((label == number) & (seen.number >= 3))
-        most = max(round(FLAT * len(rows)), FEWEST_FLAT)
-        rows = np.sort(rows[np.argsort(-flat[rows], kind="stable")[:most]])
+        most = max(round(CLEAREST * np.count_nonzero(clear[rows] > 1)), FEWEST_CLEAR)
+        rows = np.sort(rows[np.argsort(-clear[rows], kind="stable")[:most]])
         if len(rows) > POINTS:
             rows = np.sort(rng.choice(rows, POINTS, replace=False))
         if len(rows) < FEWEST:
             out.append(Pooled(material, False, len(rows)))
         else:
-            out.append(_refined(_best(seen.of_points(rows), material), material))
+            out.append(_refined(seen.of_points(rows), material))
     return out
-
-
-def _best(seen: Observations, material: Material) -> Observations:
-    """The points that the material fits best: not those in light from around, or of wrong normals,
-    which look rougher.
-    """
-    cost = fit_material(seen, material, ROUNDS).cost
-    return seen.of_points(np.flatnonzero(cost <= np.quantile(cost, BEST)))
 
 
 def _refined(seen: Observations, start: Material) -> Pooled:
@@ -93,13 +84,12 @@ def _refined(seen: Observations, start: Material) -> Pooled:
         return float(_mean_cost(seen, material)) + material.sharpness + _unusual(material)
 
     if start.metal:
-        bounds = _about(start, STEP)
-        return Pooled(_least(cost, bounds, lambda r: replace(start, roughness=r)), False, seen.count)
+        found = _least(cost, _about(start, STEP), lambda r: replace(start, roughness=r))
+        return Pooled(found, False, seen.count)
     if start.roughness > SMOOTH:
-        tried = (_edged(replace(start, roughness=r), cost) for r in _rough(start))
-        found = min(tried, key=cost)
-        step = 2 * ROUGH_STEP / (TRIED - 1)
-        found = _least(cost, _about(found, step), lambda r: replace(found, roughness=r))
+        found = min((_edged(replace(start, roughness=r), cost) for r in ROUGH), key=cost)
+        bounds = _about(found, ROUGH[1] - ROUGH[0])
+        found = _least(cost, bounds, lambda r: replace(found, roughness=r))
         return Pooled(_edged(found, cost), False, seen.count)
     low, high = _about(start, STEP)
     best = minimize(
@@ -120,11 +110,6 @@ Cost = Callable[[Material], float]
 
 def _about(start: Material, step: float) -> tuple[float, float]:
     return max(start.roughness - step, 0.08), min(start.roughness + step, 1.0)
-
-
-def _rough(start: Material) -> list[float]:
-    low, high = _about(start, ROUGH_STEP)
-    return [float(r) for r in np.linspace(max(low, SMOOTH), high, TRIED)]
 
 
 def _least(
