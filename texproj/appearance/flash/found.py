@@ -29,7 +29,7 @@ from texproj.appearance.flash.observations import (
     Surfel,
     dots,
 )
-from texproj.appearance.flash.pooled import Pooled, pooled
+from texproj.appearance.flash.pooled import Pooled, flattened, pooled
 from texproj.appearance.flash.reflection import CANDIDATES, Material
 from texproj.appearance.flash.voting import Voters, near_neighbors, settled, smoothed
 from texproj.appearance.light_fit import MEAN_ALBEDO
@@ -178,7 +178,6 @@ def find_materials(
     goes astray as soon as highlights are not quite those of the model.
     """
     near = near_neighbors(surfels.xyz, surfels.normal)
-    clear = _clear(surfels, seen, near)
     hits = surface_hits(shadows, surfels)
     known = lamp.intensity is not None
     lamp = lamp if known else replace(lamp, intensity=1.0)
@@ -196,7 +195,7 @@ def find_materials(
     for _ in range(ROUNDS):
         rgb = fit_lambert(search.seen).color
         label, voters = search.settle(kinds, rgb)
-        told, label = _merged(pooled(search.seen, label, kinds, clear), label, search.seen)
+        told, label = _merged(pooled(search.seen, label, kinds), label, search.seen)
         kinds = [one.material for one in told]
         fit = fit_each(search.seen, kinds, label)
         field = search.bounce(Nodes(surfels, fit.color, label, kinds))
@@ -211,17 +210,11 @@ def find_materials(
     )  # fmt: skip
 
 
-def _clear(surfels: Surfel, seen: Observations, neighbors: Any) -> Floats:
-    """(n,) how flat the surface is at points, 1 more where they saw their highlight. Where it bends
-    mirrors look rougher than they are: normals are off, and light comes from around.
-    """
-    flat = np.clip(dots(surfels.normal, neighbors @ surfels.normal), 0, 1)
-    return flat + (seen.nearest_highlight() >= HIGHLIGHT)
-
-
 def completed(found: Found, seen: Observations) -> Found:
     """The same with the observations of all photos, those that were held out of the search too:
-    each flash's output by what is predicted of it, the materials as they are.
+    each flash's output by what is predicted of it, the materials as they look there, and their
+    roughness where the surface is flat: where it bends normals are off, and light comes from
+    around, so that mirrors look rougher.
 
     seen: all observations of the same points, as given to `find_materials`.
     """
@@ -237,9 +230,14 @@ def completed(found: Found, seen: Observations) -> Found:
     told = predicted(*labelled_terms(seen, found.kinds, found.label), seen, found.fit.color)
     gain = photo_gains(seen, told, len(found.flashes.cameras))
     gain[np.unique(found.seen.photo)] = 1
+    seen = seen.scaled(gain[seen.photo])
+    normal = found.surfels.normal
+    clear = dots(normal, found.neighbors @ normal).clip(0, 1)
+    clear += seen.nearest_highlight() >= HIGHLIGHT
     return replace(
         found,
-        seen=seen.scaled(gain[seen.photo]),
+        materials=tuple(flattened(seen, found.label, found.materials, clear)),
+        seen=seen,
         field=BounceField(found.surfels, around * gain[:, None]),
         flashes=found.flashes.with_gain(found.flashes.gain * gain),
     )

@@ -15,9 +15,12 @@ from texproj.arrays import Floats, Index
 
 POINTS = 4000
 FEWEST = 20
+BEST = 0.6
+"""Part of the points that tell how a material looks."""
+
 CLEAREST, FEWEST_CLEAR = 0.3, 500
-"""Part of a material's points that saw their highlight, and how many at least, that are asked: the
-clearest ones.
+"""Part of a material's points that saw their highlight, and how many at least, that tell what it
+is: the clearest ones.
 """
 
 SMOOTH = 0.6
@@ -51,32 +54,59 @@ ROUNDS = 2
 
 @dataclass(frozen=True)
 class Pooled:
-    """material: found; f0_known: its mirror is told by the photos; points: of how many."""
+    """material: as it looks on most of the surface; f0_known: its mirror is told by the photos;
+    points: of how many; flat: its roughness where the surface is flat, None where nobody asked.
+    """
 
     material: Material
     f0_known: bool
     points: int
+    flat: float | None = None
+
+    @property
+    def roughness(self) -> float:
+        """Its own: where a surface bends it looks rougher than it is."""
+        return self.material.roughness if self.flat is None else self.flat
 
 
-def pooled(
-    seen: Observations, label: Index, known: Sequence[Material], clear: Floats
-) -> list[Pooled]:
-    """Each material refined over its points. clear: (n,) how clearly each point tells, above 1
-    where it saw its highlight.
-    """
+def pooled(seen: Observations, label: Index, known: Sequence[Material]) -> list[Pooled]:
+    """Each material refined over its points."""
     rng = np.random.default_rng(0)
     out = []
     for number, material in enumerate(known):
         rows = np.flatnonzero((label == number) & (seen.number >= 3))
-        most = max(round(CLEAREST * np.count_nonzero(clear[rows] > 1)), FEWEST_CLEAR)
-        rows = np.sort(rows[np.argsort(-clear[rows], kind="stable")[:most]])
         if len(rows) > POINTS:
             rows = np.sort(rng.choice(rows, POINTS, replace=False))
         if len(rows) < FEWEST:
             out.append(Pooled(material, False, len(rows)))
         else:
-            out.append(_refined(seen.of_points(rows), material))
+            out.append(_refined(_best(seen.of_points(rows), material), material))
     return out
+
+
+def flattened(
+    seen: Observations, label: Index, told: Sequence[Pooled], clear: Floats
+) -> list[Pooled]:
+    """The same with the roughness that each has where points are clear. clear: (n,) how flat the
+    surface is, 1 more where a point saw its highlight.
+    """
+    out = []
+    for number, one in enumerate(told):
+        rows = np.flatnonzero((label == number) & (seen.number >= 3))
+        most = max(round(CLEAREST * np.count_nonzero(clear[rows] > 1)), FEWEST_CLEAR)
+        rows = np.sort(rows[np.argsort(-clear[rows], kind="stable")[:most]])
+        enough = len(rows) >= FEWEST
+        asked = _refined(seen.of_points(rows), one.material) if enough else one
+        out.append(replace(one, flat=asked.material.roughness))
+    return out
+
+
+def _best(seen: Observations, material: Material) -> Observations:
+    """The points that the material fits best: not those in light from around, or of wrong normals,
+    which look rougher.
+    """
+    cost = fit_material(seen, material, ROUNDS).cost
+    return seen.of_points(np.flatnonzero(cost <= np.quantile(cost, BEST)))
 
 
 def _refined(seen: Observations, start: Material) -> Pooled:

@@ -94,13 +94,13 @@ def flash_appearance(
 
 
 def _appearance(mesh: Mesh, points: Points, light: FlashLight, verdict: FlashVerdict) -> Appearance:
-    kinds = light.found.kinds
-    roughness = np.array([kind.roughness for kind in kinds], np.float32)[points.label]
-    metallic = np.array([kind.metal for kind in kinds], np.float32)[points.label]
+    found = light.found
+    roughness = np.array([one.roughness for one in found.materials], np.float32)[points.label]
+    metallic = np.array([kind.metal for kind in found.kinds], np.float32)[points.label]
     base = fill_vertices(mesh, points.color, points.seen)
     return Appearance(
         base, roughness, metallic, None, points.sure, light, True, "",
-        not light.found.assumed, verdict,
+        not found.assumed, verdict,
     )  # fmt: skip
 
 
