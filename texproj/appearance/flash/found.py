@@ -94,6 +94,12 @@ class Found:
         return [one.material for one in self.materials]
 
     @cached_property
+    def flat_color(self) -> Floats:
+        """(n, 3) of the points by the materials as they are where the surface is flat."""
+        flat = [replace(one.material, roughness=one.roughness) for one in self.materials]
+        return fit_each(self.seen, flat, self.label).color
+
+    @cached_property
     def witnesses(self) -> Witnesses | None:
         """The points that saw their highlight often enough, and lie amid others of their party."""
         metal = np.array([kind.metal for kind in self.kinds], np.float32)[self.label]
