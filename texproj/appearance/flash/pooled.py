@@ -111,16 +111,20 @@ def _best(seen: Observations, material: Material) -> Observations:
 
 def _refined(seen: Observations, start: Material) -> Pooled:
     def cost(material: Material) -> float:
-        return float(_mean_cost(seen, material)) + material.sharpness + _unusual(material)
+        return float(_mean_cost(seen, material)) + material.sharpness
+
+    def with_edge(material: Material) -> float:
+        return cost(material) + _unusual(material)
 
     if start.metal:
         found = _least(cost, _about(start, STEP), lambda r: replace(start, roughness=r))
         return Pooled(found, False, seen.count)
     if start.roughness > SMOOTH:
-        found = min((_edged(replace(start, roughness=r), cost) for r in ROUGH), key=cost)
+        tried = (_edged(replace(start, roughness=r), with_edge) for r in ROUGH)
+        found = min(tried, key=with_edge)
         bounds = _about(found, ROUGH[1] - ROUGH[0])
-        found = _least(cost, bounds, lambda r: replace(found, roughness=r))
-        return Pooled(_edged(found, cost), False, seen.count)
+        found = _least(with_edge, bounds, lambda r: replace(found, roughness=r))
+        return Pooled(_edged(found, with_edge), False, seen.count)
     low, high = _about(start, STEP)
     best = minimize(
         lambda x: cost(replace(start, roughness=float(x[0]), f0=float(np.exp(x[1])))),
@@ -159,7 +163,9 @@ def _edged(now: Material, cost: Cost) -> Material:
 
 
 def _unusual(material: Material) -> float:
-    """What an edge costs that is none of its roughness."""
+    """What an edge of rough paint costs that is none of its roughness; of glossy paint the
+    highlight tells the roughness.
+    """
     off = (material.values[3] - usual_edge(material.roughness)) / EDGE_SPREAD
     return EDGE_PULL * off * off
 
