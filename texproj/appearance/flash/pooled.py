@@ -34,6 +34,9 @@ ROUGH = tuple(float(r) for r in np.linspace(SMOOTH, 1.0, 9))
 the grid of candidates, fit alike, so that the candidate does not count.
 """
 
+FEW = 400
+"""Points by which they are tried."""
+
 EDGE_SPREAD, EDGE_PULL = 0.35, 0.01
 """By how much edges differ from the usual one of their roughness among measured paints (Burley
 2012, fig. 7), and what that much costs: as much as a hundredth of the noise's own cost.
@@ -113,18 +116,11 @@ def _refined(seen: Observations, start: Material) -> Pooled:
     def cost(material: Material) -> float:
         return float(_mean_cost(seen, material)) + material.sharpness
 
-    def with_edge(material: Material) -> float:
-        return cost(material) + _unusual(material)
-
     if start.metal:
         found = _least(cost, _about(start, STEP), lambda r: replace(start, roughness=r))
         return Pooled(found, False, seen.count)
     if start.roughness > SMOOTH:
-        tried = (_edged(replace(start, roughness=r), with_edge) for r in ROUGH)
-        found = min(tried, key=with_edge)
-        bounds = _about(found, ROUGH[1] - ROUGH[0])
-        found = _least(with_edge, bounds, lambda r: replace(found, roughness=r))
-        return Pooled(_edged(found, with_edge), False, seen.count)
+        return Pooled(_rough(seen, start), False, seen.count)
     low, high = _about(start, STEP)
     best = minimize(
         lambda x: cost(replace(start, roughness=float(x[0]), f0=float(np.exp(x[1])))),
@@ -137,6 +133,22 @@ def _refined(seen: Observations, start: Material) -> Pooled:
     off = min(cost(replace(now, f0=now.f0 * factor)) for factor in (0.8, 1.25))
     told = off > (1 + TELLING) * cost(now) and F0_BOUNDS[0] < now.f0 < F0_BOUNDS[1]
     return Pooled(now if told else replace(now, f0=DIELECTRIC), bool(told), seen.count)
+
+
+def _rough(seen: Observations, start: Material) -> Material:
+    """Roughness and edge of rough paint: by few points all over the range, then by all."""
+    few = seen.of_points(np.arange(0, seen.count, max(1, seen.count // FEW)))
+
+    def cost(material: Material, of: Observations = seen) -> float:
+        return float(_mean_cost(of, material)) + material.sharpness + _unusual(material)
+
+    def of_few(material: Material) -> float:
+        return cost(material, few)
+
+    found = min((_edged(replace(start, roughness=r), of_few) for r in ROUGH), key=of_few)
+    bounds = _about(found, ROUGH[1] - ROUGH[0])
+    found = _least(cost, bounds, lambda r: replace(found, roughness=r))
+    return _edged(found, cost)
 
 
 Cost = Callable[[Material], float]
