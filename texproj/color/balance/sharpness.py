@@ -144,7 +144,7 @@ class DetailMeter:
         xyz = rows[:, :, None] + (spacing * step * right[:, None])[:, None]
         many = Chunk(xyz.reshape(-1, 3), np.repeat(owner, SIDE * SIDE))
         xy_px = project(many, np.ones(len(many), np.float32), surface, view)
-        level = surface.level[many.owner] if surface.level.any() else None
+        level = None if surface.level is None else surface.level[many.owner]
         gray = cv2.transform(read_colors(view, xy_px, level), GRAY).reshape(-1)[: len(many)]
         return (gray * np.float32(1 / WHITE)).reshape(-1, SIDE, SIDE)
 

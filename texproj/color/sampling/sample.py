@@ -65,7 +65,7 @@ def sample(chunk: Chunk, surface: SurfaceView, view: PhotoView) -> Samples | Non
     if count < len(part):
         kept = np.flatnonzero(seen)
         xy_px, weight, owner = taken(xy_px, kept), weight.take(kept), owner.take(kept)
-    level = surface.level.take(owner) if surface.level.any() else None
+    level = None if surface.level is None else surface.level.take(owner)
     rgb = read_colors(view, xy_px, level)
     around = light_around(view, rgb, xy_px, level)[:count] if view.soft else None
     if sparse:
