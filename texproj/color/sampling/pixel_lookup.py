@@ -97,10 +97,11 @@ def affine(maps: Floats, scale: tuple[float, float], offset: tuple[float, float]
     return cv2.transform(maps, matrix)
 
 
-def taken(maps: Floats, rows: NDArray[np.intp]) -> Floats:
-    """Some of the positions, in rows of `ROW` again."""
-    out = np.full((-(-len(rows) // ROW) * ROW, 2), FAR_OUTSIDE, np.float32)
-    out.view(np.uint64)[: len(rows), 0] = maps.view(np.uint64).reshape(-1).take(rows)
+def taken(maps: Floats, chosen: NDArray[np.bool_]) -> Floats:
+    """The chosen ones of the first (n,) positions, in rows of `ROW` again."""
+    kept = maps.view(np.uint64).reshape(-1)[: len(chosen)][chosen]
+    out = np.full((-(-len(kept) // ROW) * ROW, 2), FAR_OUTSIDE, np.float32)
+    out.view(np.uint64)[: len(kept), 0] = kept
     return out.reshape(-1, ROW, 2)
 
 
@@ -132,7 +133,7 @@ def by_level(
     flat = values.reshape(-1, *values.shape[2:])
     for number in np.flatnonzero(count):
         if number != usual:
-            chosen = np.flatnonzero(level == number)
+            chosen = level == number
             found = read(taken(xy_px, chosen), int(number))
-            flat[chosen] = found.reshape(-1, *values.shape[2:])[: len(chosen)]
+            flat[: len(level)][chosen] = found.reshape(-1, *values.shape[2:])[: count[number]]
     return values
