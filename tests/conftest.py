@@ -100,8 +100,8 @@ def browser():
 
 
 @pytest.fixture(scope="session")
-def page_template(tmp_path_factory):
+def page_template(made_once):
     """The project of the page's tests; copy it before you change it."""
     from browsing import make_page_project
 
-    return make_page_project(tmp_path_factory.mktemp("template") / "blocks")
+    return made_once("blocks", make_page_project)

@@ -70,6 +70,22 @@ def test_picks_without_points_say_what_is_missing(project, capsys):
     assert told["unknown"] == {"a.jpg": ["mouth"]}
 
 
+def test_unusable_picks_stop_no_others(project, capsys):
+    """A broken file, and two files of one photo: told by photo, and both stay as they are."""
+    path, folder = project.root.parent / "scan_picked_points.pp", project.picks
+    (folder / "a.csv").write_text("u,v,name\nhigh,2,nose\n")
+    (folder / "c.csv").write_text("u,v,name\n1,2,nose\n")
+    (folder / "c.CSV").write_text("u,v,name\n1,2,nose\n")
+    assert main(["import", str(project.root), str(path)]) == 2
+    (folder / "b.csv").write_text("u,v,name\n1,2,nose\n")
+
+    assert main(["import", str(project.root), str(path)]) == 1
+    said = capsys.readouterr()
+    assert "b.jpg: 1 picks of 2 points" in said.out
+    assert "a.jpg: FAILED" in said.out + said.err and "c.jpg: FAILED" in said.out + said.err
+    assert (folder / "a.csv").read_text() == "u,v,name\nhigh,2,nose\n"
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

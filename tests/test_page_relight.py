@@ -29,6 +29,8 @@ MATERIAL = {
 }  # fmt: skip
 UNLIT = 8
 """A pixel no brighter than this got no light."""
+SMALL = 1100, 560
+"""Pixels of the window: what lights a surface is drawn slowly without a card."""
 
 
 def write_surface(folder, roughness, metallic):
@@ -99,7 +101,7 @@ def test_the_sun_stands_where_the_dial_says(root, browser):
     """From the front most is lit; from the right the blocks shade each other and the
     plate; a warm sun is red; the dial is moved by keys; the sky alone leaves hardly anything black.
     """
-    with running(root) as home, opened(browser, home) as page:
+    with running(root) as home, opened(browser, home, *SMALL) as page:
         page.locator('[data-layer="relit"]').click()
         until(page, "texproj.look.layer === 'relit'")
         page.evaluate("texproj.look.frustums = false, texproj.applyLook()")
@@ -145,7 +147,7 @@ def test_a_picture_lights_the_surface_and_is_mirrored(root, browser, tmp_path):
     no picture is told.
     """
     write_surface(root, 0.1, 1.0)
-    with running(root) as home, opened(browser, home) as page:
+    with running(root) as home, opened(browser, home, *SMALL) as page:
         page.locator('[data-layer="relit"]').click()
         until(page, "texproj.look.layer === 'relit'")
         page.evaluate("texproj.look.frustums = false, texproj.applyLook()")

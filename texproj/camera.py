@@ -7,7 +7,7 @@ Pixels: continuous image coordinates; the center of the top-left pixel is (0.5, 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -187,29 +187,12 @@ class Intrinsics:
         """For the photo resampled by `factor`, sizes rounded to whole pixels."""
         return self.resized(max(1, round(self.width * factor)), max(1, round(self.height * factor)))
 
-    @cached_property
+    @property
     def max_radius(self) -> float:
         """Largest undistorted radius (tangent of the off-axis angle) up to which the radial part
         of the lens model grows; beyond it the polynomial folds back and projections mean nothing.
         """
-        if max(map(abs, self.dist), default=0.0) > MOST_COEFFICIENT:
-            return 0.0
-        if self.is_fisheye:
-            return float(np.tan(fisheye.limit_rad(self.dist)))
-        k1, k2, _, _, k3, k4, k5, k6 = (*self.dist, *(0.0,) * 8)[:8]
-        num = np.array([k3, k2, k1, 1.0])  # in r^2, highest power first
-        den = np.array([k6, k5, k4, 1.0])
-        for terms in (num, den):  # else the roots of what moves nothing overflow
-            terms[:3][np.abs(terms[:3]) < NEGLIGIBLE_RADIAL] = 0
-        # d/dr [r num/den] = 0, with s = r^2: (num + 2 s num') den - 2 s num den' = 0
-        s = np.array([2.0, 0.0])
-        slope: Array = np.polysub(
-            np.polymul(np.polyadd(num, np.polymul(s, np.polyder(num))), den),
-            np.polymul(np.polymul(s, num), np.polyder(den)),
-        )
-        roots = np.concatenate([np.roots(slope), np.roots(den)])
-        limits = [r.real for r in roots if abs(r.imag) < 1e-12 and r.real > 0]
-        return float(np.sqrt(min(limits))) if limits else float("inf")
+        return _max_radius(self.dist, self.is_fisheye)
 
     def distort(self, xy: ArrayLike) -> Array:
         """(n, 2) ideal normalized coordinates (x/z, y/z) to distorted normalized coordinates.
@@ -284,6 +267,29 @@ def _by_opencv(xy: Array, dist: tuple[float, ...]) -> Array:
 
     xyz, zero = np.concatenate([xy, np.ones((len(xy), 1))], axis=1), np.zeros(3)
     return cv2.projectPoints(xyz, zero, zero, np.eye(3), np.array(dist))[0].reshape(-1, 2)
+
+
+@lru_cache(maxsize=256)
+def _max_radius(dist: tuple[float, ...], is_fisheye: bool) -> float:
+    """`Intrinsics.max_radius`, kept, since cameras of one lens are made by the thousand."""
+    if max(map(abs, dist), default=0.0) > MOST_COEFFICIENT:
+        return 0.0
+    if is_fisheye:
+        return float(np.tan(fisheye.limit_rad(dist)))
+    k1, k2, _, _, k3, k4, k5, k6 = (*dist, *(0.0,) * 8)[:8]
+    num = np.array([k3, k2, k1, 1.0])  # in r^2, highest power first
+    den = np.array([k6, k5, k4, 1.0])
+    for terms in (num, den):  # else the roots of what moves nothing overflow
+        terms[:3][np.abs(terms[:3]) < NEGLIGIBLE_RADIAL] = 0
+    # d/dr [r num/den] = 0, with s = r^2: (num + 2 s num') den - 2 s num den' = 0
+    s = np.array([2.0, 0.0])
+    slope: Array = np.polysub(
+        np.polymul(np.polyadd(num, np.polymul(s, np.polyder(num))), den),
+        np.polymul(np.polymul(s, num), np.polyder(den)),
+    )
+    roots = np.concatenate([np.roots(slope), np.roots(den)])
+    limits = [r.real for r in roots if abs(r.imag) < 1e-12 and r.real > 0]
+    return float(np.sqrt(min(limits))) if limits else float("inf")
 
 
 def _by_polynomials(xy: Array, dist: tuple[float, ...]) -> Array:

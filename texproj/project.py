@@ -16,17 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from texproj.errors import InputError, UsageError, excerpt, nearest_name
-from texproj.files import (
-    file_hash,
-    read_json_object,
-    remove_unfinished,
-    staging,
-    write_atomically,
-)
+from texproj.files import read_json_object, remove_unfinished, staging, write_atomically
 from texproj.formats.cameras import CameraFile, cameras_json, read_cameras
 from texproj.formats.correspondences import correspondences_csv, read_correspondences
 from texproj.formats.meshes import MESH_SUFFIXES
 from texproj.formats.photos import PHOTO_SUFFIXES, RAW_SUFFIXES, SAID
+from texproj.hashes import UNREADABLE, KnownHashes
 from texproj.intake import (
     Found,
     all_of,
@@ -52,8 +47,6 @@ SETTINGS_FILE = "project.toml"
 CAMERAS_FILE = "cameras.json"
 MASKS_FOLDER, CROSSED_FOLDER, PICKS_FOLDER = "masks", "photos-crossed", "correspondences"
 AS_USUAL = DevelopOptions()
-UNREADABLE = "cannot be read"
-"""In place of the hash of a file that may not be read."""
 
 
 @dataclass(frozen=True)
@@ -390,22 +383,15 @@ class Project:
             np.save(folder / path.name, array, allow_pickle=False)
 
     def hash_of(self, path: Path | Sequence[Path] | None) -> str | None:
-        """Hash of a file's content, read again only when its size or time changed; one that may not
-        be read has a hash too, and so have several that claim the same: whoever needs their content
-        says what is wrong.
+        """Hash of a file's content, None where there is no such file; several that claim the same
+        have one too. Of a photo that is no finished picture, with what the settings make of it.
         """
         if isinstance(path, Sequence):
             return "+".join(str(self.hash_of(one)) for one in path) or None
-        if path is None or not path.is_file():
-            return None
-        stamp = [(stat := path.stat()).st_size, stat.st_mtime_ns]
-        known = self._hashes.get(str(path))
-        if known is None or known[0] != stamp:
-            try:
-                self._hashes[str(path)] = known = [stamp, file_hash(path)]
-            except OSError:
-                return UNREADABLE
-        return str(known[1]) + self._reading(path)
+        found = None if path is None else self._hashes.of(path)
+        if path is None or found in (None, UNREADABLE):
+            return found
+        return found + self._reading(path)
 
     def _reading(self, path: Path) -> str:
         """What the settings make of a photo that is no finished picture; empty for the usual."""
@@ -417,13 +403,12 @@ class Project:
         return "" if usual or path.parent != self.photos else f" {how}"
 
     @cached_property
-    def _hashes(self) -> dict[str, list[Any]]:
-        known = read_json_object(self.record_path("hashes"))
-        return {k: v for k, v in known.items() if isinstance(v, list) and len(v) == 2}
+    def _hashes(self) -> KnownHashes:
+        return KnownHashes(read_json_object(self.record_path("hashes")))
 
     def save_hashes(self) -> None:
         """Keep the hashes for the next run. Raises OutputError."""
-        self.save_record("hashes", None, self._hashes)
+        self.save_record("hashes", None, self._hashes.record)
 
     def remove_unfinished(self) -> None:
         """Delete what an interrupted run left behind."""

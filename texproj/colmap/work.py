@@ -18,6 +18,9 @@ MOST_FEATURES = 6000
 PEAK_THRESHOLD = 0.004
 """Contrast of a feature: lower than COLMAP's, since stone in soft light has little."""
 
+pycolmap.logging.logtostderr = True  # or it leaves files in the system's temporary folder
+pycolmap.logging.minloglevel = int(pycolmap.logging.WARNING)
+
 _OF_THREAD = threading.local()
 
 
@@ -46,10 +49,7 @@ def _extractor() -> Any:
 
 
 def matched(batch: Batch, threads: int) -> Matched:
-    """The pairs of a batch, matched and verified in a database of their own; the process, which is
-    not COLMAP's own, keeps its terminal clean.
-    """
-    pycolmap.logging.minloglevel = int(pycolmap.logging.WARNING)
+    """The pairs of a batch, matched and verified in a database of their own."""
     with TemporaryDirectory(prefix="texproj-pairs-") as scratch:
         keys = tuple(features.key for features in batch.features)
         database = str(Path(scratch) / "pairs.db")

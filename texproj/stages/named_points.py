@@ -25,16 +25,21 @@ NO_PIXELS = (
 
 @dataclass(frozen=True)
 class PointsOutcome:
-    """By photo how many of its picks got a point, and the names that the list does not have."""
+    """By photo how many of its picks got a point, the names that the list does not have, and why
+    picks could not be used.
+    """
 
     points: int
     found: dict[str, int]
     unknown: dict[str, tuple[str, ...]]
+    failed: dict[str, str]
 
     @property
     def tally(self) -> Tally:
         without = [name for name, count in self.found.items() if not count]
-        return Tally(len(without), len(self.found), "completed")
+        return Tally(
+            len(without) + len(self.failed), len(self.found) + len(self.failed), "completed"
+        )
 
     def lines(self) -> Iterator[str]:
         """For people."""
@@ -42,15 +47,19 @@ class PointsOutcome:
             unknown = self.unknown.get(name, ())
             left = f"; not in the list, left out: {', '.join(unknown)}" if unknown else ""
             yield f"{name}: {count} picks of {self.points} points{left}"
+        for name, reason in self.failed.items():
+            yield f"{name}: FAILED: {reason}"
 
     def as_dict(self) -> dict[str, Any]:
         """For --json."""
-        return {"points": self.points, "photos": self.found, "unknown": self.unknown}
+        told = {"photos": self.found, "unknown": self.unknown, "failed": self.failed}
+        return {"points": self.points, **told}
 
 
 def import_points(project: Project, path: Path) -> PointsOutcome:
     """Write x, y, z of the named points into the picks of all photos; where a photo's picks have
-    them already, those of the same name are put anew and the others stay.
+    them already, those of the same name are put anew and the others stay. Picks that cannot be
+    used stay as they are, and stop no others.
 
     Raises InputError for a broken list, and where no photo names a point of it; nothing is written
     then.
@@ -58,17 +67,22 @@ def import_points(project: Project, path: Path) -> PointsOutcome:
     known = read_picked_points(path)
     made: dict[str, Correspondences] = {}
     unknown: dict[str, tuple[str, ...]] = {}
+    failed: dict[str, str] = {}
     for name in project.photo_paths:
-        file = project.correspondences_path(name)
-        if file.is_file():
-            made[name], unknown[name] = _completed(file, known)
+        try:
+            file = project.correspondences_path(name)
+            if file.is_file():
+                made[name], unknown[name] = _completed(file, known)
+        except InputError as error:
+            failed[name] = str(error)
     if not any(len(picks) for picks in made.values()):
-        raise InputError(f"{path}: {NO_PIXELS}")
+        raise InputError(next(iter(failed.values()), f"{path}: {NO_PIXELS}"))
     for name, picks in made.items():
         if len(picks):
             project.save_correspondences(name, picks)
     found = {name: len(picks) for name, picks in made.items()}
-    return PointsOutcome(len(known), found, {n: names for n, names in unknown.items() if names})
+    unknown = {name: names for name, names in unknown.items() if names}
+    return PointsOutcome(len(known), found, unknown, failed)
 
 
 def _completed(file: Path, known: dict[str, Any]) -> tuple[Correspondences, tuple[str, ...]]:
