@@ -71,11 +71,11 @@ def in_depth_pixels(image: Floats, view: PhotoView) -> Floats:
         return image
     height, width = image.shape
     scales = width / view.camera.width, height / view.camera.height
-    places = [
+    x, y = (
         at * np.float32(scale) + np.float32(0.5 * scale - 0.5)
         for at, scale in zip(pixels_in_photo(view), scales, strict=True)
-    ]
-    return cv2.remap(image, *places, cv2.INTER_LINEAR, borderValue=0)
+    )
+    return cv2.remap(image, x, y, cv2.INTER_LINEAR, borderValue=0)
 
 
 def depth_seen(camera: Camera, scene: Scene) -> tuple[Camera, Floats]:
