@@ -367,6 +367,32 @@ def recovered(project_folder):
     return project
 
 
+def test_a_mesh_with_a_vertex_nowhere_is_shown(recovered):
+    """A scan may have one; the picture was empty by it."""
+    path = recovered.out / "appearance.ply"
+    told = PlyData.read(path)
+    spare = told["vertex"].data[:1].copy()
+    spare["x"] = np.nan
+    rows = np.concatenate([told["vertex"].data, spare])
+    PlyData([PlyElement.describe(rows, "vertex"), told["face"]], byte_order="<").write(path)
+    (recovered.out / "model.glb").unlink()
+    recovered.save_record("appearance", None, {**recovered.load_record("appearance"),
+                                               "outputs": {"appearance.ply": "a"}})  # fmt: skip
+    assert np.isfinite(recovered_surface(recovered).mesh.vertices).all()
+
+
+def test_a_lamp_inside_the_piece_is_refused(recovered, capsys):
+    """Its picture is black, which would look as if it had worked."""
+    (recovered.out / "model.glb").unlink()
+    told = recovered.load_record("appearance")
+    now = {"inputs": {"mesh": recovered.hash_of(recovered.mesh_path)}}
+    recovered.save_record("appearance", None, {**told, **now, "outputs": {"appearance.ply": ""}})
+    lamp = ["--size", "32", "--lamp", "0,0,1e-6"]
+    assert main(["relight", str(recovered.root), *lamp]) == 2
+    assert "no light reaches what is seen of the piece" in capsys.readouterr().err
+    assert not (recovered.out / "relit.png").exists()
+
+
 def test_a_damaged_texture_is_refused(recovered):
     """It is what was asked for; vertices in its place would look like it."""
     with pytest.raises(InputError, match=r"model\.glb is not what `texproj appearance` wrote"):

@@ -177,10 +177,16 @@ def relight_project(
     if options.sky == PHOTOGRAPHED:
         notes += (TAKEN_FOR,)
     shown: list[Bytes] = []
+    lit = False
     for layers in _pictures(bench, options, surface, light, views):
         exposure = metered(layers) if exposure is None else exposure
+        lit = lit or bool((layers[..., :3] > 0).any())
         shown.append(on_backdrop(Development(exposure, options.curve).developed(layers)))
         progress(STAGE, len(shown), len(views), "")
+    if not lit:
+        raise UsageError(
+            "no light reaches what is seen of the piece; move --sun or --lamp, or add a --sky"
+        )
     with staging(project.out) as folder:
         names = _written(folder, [shown[k] for k in of_frame], options)
     replace_record(project, STAGE, names[0].rsplit(".", 1)[-1], names)
