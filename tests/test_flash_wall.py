@@ -218,7 +218,9 @@ def test_the_command_writes_the_flash(wall_folder, project_folder, capsys, monke
     "slip",
     [
         {"lamp": [1e300, 0, 0]}, {"profile": [1e300, 1e300]}, {"vignetting": [-1e6]},
-        {"widest_deg": 0}, {"reach": -3}, {"intensity": 0},
+        {"widest_deg": 0}, {"reach": -3}, {"intensity": 0}, {"intensity": 1e-300},
+        {"axis": [0, 0, 0]}, {"axis": [1e-300, 0, 0]}, {"axis": [0, 1e300, 0]},
+        {"profile": [300, 300]}, {"vignetting": [-900]},
     ],
 )  # fmt: skip
 def test_a_flash_that_cannot_be_is_refused(slip, tmp_path):

@@ -202,12 +202,22 @@ def test_environments_are_read_or_refused(tmp_path):
     assert cv2.imwrite(str(tmp_path / "sky.hdr"), picture[..., ::-1])
     assert np.allclose(read_environment(tmp_path / "sky.hdr"), picture, rtol=0, atol=0.5)
     cv2.imwrite(str(tmp_path / "square.hdr"), picture[:, :16])
+    cv2.imwrite(str(tmp_path / "point.hdr"), picture[:1, :1])
+    cv2.imwrite(str(tmp_path / "long.hdr"), np.ones((2, 4100, 3), np.float32))
     half = {"compression": OpenEXR.PIZ_COMPRESSION, "type": OpenEXR.scanlineimage}
     OpenEXR.File(half, {"RGB": picture.astype(np.float16)}).write(str(tmp_path / "sky.exr"))
     assert np.allclose(read_environment(tmp_path / "sky.exr"), picture, rtol=1e-3, atol=0)
     for kind in ("hdr", "exr"):
         (tmp_path / f"broken.{kind}").write_bytes((tmp_path / f"sky.{kind}").read_bytes()[:60])
-    for name in ("square.hdr", "broken.hdr", "none.hdr", "broken.exr", "none.exr"):
+    for name in (
+        "square.hdr",
+        "point.hdr",
+        "long.hdr",
+        "broken.hdr",
+        "none.hdr",
+        "broken.exr",
+        "none.exr",
+    ):
         with pytest.raises(InputError, match=name):
             read_environment(tmp_path / name)
 
@@ -216,8 +226,16 @@ def test_without_a_recovered_surface_it_says_what_to_do(project_folder, capsys):
     assert main(["relight", str(project_folder)]) == 2
     assert "run `texproj appearance" in capsys.readouterr().err
     for wrong in ("--sun 85", "--sun x,1", "--lamp 1,2", "--lamp 1,2,0", "--ev 99", "--kelvin 90",
-                  "--photo a --film gif", "--lens 0.1"):  # fmt: skip
+                  "--photo a --film gif", "--lens 0.1", "--kelvin 2700"):  # fmt: skip
         assert main(["relight", str(project_folder), *wrong.split()]) == 2
+
+
+@pytest.mark.parametrize(
+    ("sky", "said"), [("Overcast", "did you mean 'overcast'"), ("", "known: none, overcast")]
+)
+def test_a_sky_that_nobody_knows_is_named(sky, said):
+    with pytest.raises(UsageError, match=said):
+        illumination(None, RelightOptions(sky=sky), None, Front(UP, AHEAD))
 
 
 def appeared(project_folder, light):
@@ -347,6 +365,32 @@ def recovered(project_folder):
     outputs = {"appearance.ply": "", "model.glb": "of another file"}
     project.save_record("appearance", None, {**record, "outputs": outputs})
     return project
+
+
+def test_a_mesh_with_a_vertex_nowhere_is_shown(recovered):
+    """A scan may have one; the picture was empty by it."""
+    path = recovered.out / "appearance.ply"
+    told = PlyData.read(path)
+    spare = told["vertex"].data[:1].copy()
+    spare["x"] = np.nan
+    rows = np.concatenate([told["vertex"].data, spare])
+    PlyData([PlyElement.describe(rows, "vertex"), told["face"]], byte_order="<").write(path)
+    (recovered.out / "model.glb").unlink()
+    recovered.save_record("appearance", None, {**recovered.load_record("appearance"),
+                                               "outputs": {"appearance.ply": "a"}})  # fmt: skip
+    assert np.isfinite(recovered_surface(recovered).mesh.vertices).all()
+
+
+def test_a_lamp_inside_the_piece_is_refused(recovered, capsys):
+    """Its picture is black, which would look as if it had worked."""
+    (recovered.out / "model.glb").unlink()
+    told = recovered.load_record("appearance")
+    now = {"inputs": {"mesh": recovered.hash_of(recovered.mesh_path)}}
+    recovered.save_record("appearance", None, {**told, **now, "outputs": {"appearance.ply": ""}})
+    lamp = ["--size", "32", "--lamp", "0,0,1e-6"]
+    assert main(["relight", str(recovered.root), *lamp]) == 2
+    assert "no light reaches what is seen of the piece" in capsys.readouterr().err
+    assert not (recovered.out / "relit.png").exists()
 
 
 def test_a_damaged_texture_is_refused(recovered):

@@ -15,6 +15,8 @@ from texproj.formats.photos import read_photo, read_photo_info
 RADIANCE = ".hdr"
 LONGEST = 4096
 """Longer side that is kept, pixels: no picture shows more of its surroundings."""
+SLACK = 2
+"""Pixels of width that programs lose or add where they reduce pictures."""
 MOST_BYTES = 1 << 30
 HIGHEST = 1e12
 """Beyond, sums over a picture are no numbers any more."""
@@ -27,12 +29,6 @@ def read_environment(path: Path) -> Floats:
     Raises InputError for a file that cannot be read, or is not twice as wide as high.
     """
     picture = _radiance(path) if path.suffix.lower() == RADIANCE else _photo(path)
-    height, width = picture.shape[:2]
-    if abs(width - 2 * height) > 2:
-        raise InputError(
-            f"{path}: an environment shows all directions and is twice as wide as high, this one is"
-            f" {width} x {height} pixels"
-        )
     return np.ascontiguousarray(np.clip(np.nan_to_num(picture, nan=0.0), 0, HIGHEST), np.float32)
 
 
@@ -49,12 +45,22 @@ def _radiance(path: Path) -> Floats:
         cv2.utils.logging.setLogLevel(level)
     if picture is None or picture.dtype != np.float32:
         raise InputError(f"{path}: damaged, or no Radiance picture; save it again")
-    height, width = picture.shape[:2]
-    if max(height, width) > LONGEST:
+    _check_shape(path, *picture.shape[:2])
+    if max(picture.shape) > LONGEST:
         picture = cv2.resize(picture, (LONGEST, LONGEST // 2), interpolation=cv2.INTER_AREA)
     return cv2.cvtColor(picture, cv2.COLOR_BGR2RGB)
 
 
 def _photo(path: Path) -> Floats:
-    photo = read_photo(path, read_photo_info(path), longest=LONGEST)
-    return photo.linear()
+    info = read_photo_info(path)
+    _check_shape(path, info.height, info.width)
+    return read_photo(path, info, longest=LONGEST).linear()
+
+
+def _check_shape(path: Path, height: int, width: int) -> None:
+    """Raise InputError for a file whose picture, before it is reduced, is of another shape."""
+    if abs(width - 2 * height) > min(SLACK, height / 8):
+        raise InputError(
+            f"{path}: an environment shows all directions and is twice as wide as high, this one is"
+            f" {width} x {height} pixels"
+        )

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import cv2
-import numpy as np
 
 from texproj.camera import Camera
 from texproj.errors import InputError
@@ -120,20 +119,10 @@ def written_model(project: Project) -> Written:
         if name not in outputs or not (project.out / name).is_file():
             continue
         try:
-            model = _drawable(read_model(project.out / name))
+            model = read_model(project.out / name)
         except InputError as error:
             notes.append(f"{error}")
             continue
         notes = [f"{name} is shown, since {why}" for why in notes]
         return Written(model, tuple(notes))
     return Written(None, tuple(notes))
-
-
-def _drawable(model: Model) -> Model:
-    """The model with vertices that are not finite, which no face has, put where one has."""
-    finite = np.isfinite(model.vertices).all(axis=1, keepdims=True)
-    if finite.all() or not len(model.faces):
-        return model
-    return replace(
-        model, vertices=np.where(finite, model.vertices, model.vertices[model.faces[0, 0]])
-    )

@@ -24,8 +24,14 @@ FARTHEST = 1e6
 """Of a flash from its lens, units of the scan: more is a slip of the pen, and single precision ends
 at it.
 """
-STEEPEST = 1e3
-"""Coefficient of log light; measured ones are below 10."""
+UNIT_FROM = 0.5
+"""Length of the axis, which is written as a unit vector: shorter ones are none that was rounded."""
+STRONGEST = 1e12
+"""Light of a flash at one unit of the scan, 1 = white: a hundred metres in millimetres are 1e10."""
+STEEPEST = 20.0
+"""Log of the light against that in the middle: single precision ends at a few times that."""
+TRIED = 200
+"""Places, of an angle or a picture, at which that is looked at."""
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -58,7 +64,7 @@ def flash_text(lamp: Lamp, quality: dict[str, float]) -> str:
 
 def read_flash(path: Path) -> Lamp:
     """The flash of a file. Raises InputError that names what is wrong."""
-    from texproj.appearance.flash.lamp import Lamp  # noqa: PLC0415 - slow to load
+    from texproj.appearance.flash.lamp import ANGLE_SCALE, Lamp  # noqa: PLC0415 - slow to load
 
     content: Any = read_json(path)
     try:
@@ -71,16 +77,17 @@ def read_flash(path: Path) -> Lamp:
             f"{': ' + first['msg'].lower() if key else ''}; write it anew"
         ) from None
     numbers = (*told.lamp, *told.axis, *told.profile, *told.vignetting, told.widest_deg, told.reach)
-    axis = np.array(told.axis)
-    if not np.isfinite(numbers).all() or not axis.any():
+    axis, widest = np.array(told.axis), float(np.cos(np.radians(told.widest_deg)))
+    if not np.isfinite(numbers).all():
         raise InputError(f"{path}: a number is not finite; write it anew")
     bounds = {
         "lamp": max(map(abs, told.lamp)) <= FARTHEST,
-        "profile": all(abs(number) <= STEEPEST for number in told.profile),
-        "vignetting": all(abs(number) <= STEEPEST for number in told.vignetting),
+        "axis": max(map(abs, told.axis)) <= 1 and bool(np.linalg.norm(axis) > UNIT_FROM),
+        "profile": _is_gentle(told.profile, ANGLE_SCALE * (1 - widest)),
+        "vignetting": _is_gentle(told.vignetting, min(told.reach, 1)),
         "widest_deg": 0 < told.widest_deg <= 180,
         "reach": told.reach > 0,
-        "intensity": told.intensity is None or 0 < told.intensity < np.inf,
+        "intensity": told.intensity is None or 1 / STRONGEST <= told.intensity <= STRONGEST,
     }
     wrong = [key for key, right in bounds.items() if not right]
     if wrong:
@@ -88,8 +95,16 @@ def read_flash(path: Path) -> Lamp:
             f"{path}: {wrong[0]} = {getattr(told, wrong[0])} cannot be of a flash; write it anew by"
             " `texproj calibrate-flash`"
         )
-    widest = float(np.cos(np.radians(told.widest_deg)))
     return Lamp(
         np.array(told.lamp), axis / np.linalg.norm(axis), told.profile, widest, told.vignetting,
         told.reach, told.intensity,
     )  # fmt: skip
+
+
+def _is_gentle(coefficients: tuple[float, ...], end: float) -> bool:
+    """Whether a polynomial of log light is of a lamp or a lens, from 0 to `end`."""
+    from texproj.appearance.flash.lamp import polynomial  # noqa: PLC0415 - slow to load
+
+    with np.errstate(over="ignore", invalid="ignore"):
+        log = polynomial(coefficients, np.linspace(0, end, TRIED))
+    return bool((np.abs(log) <= STEEPEST).all())

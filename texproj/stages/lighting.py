@@ -78,6 +78,12 @@ def check_light(project: Project) -> None:
             f' `kind` is "{options.kind}"; set it to "flash", or leave them out'
         )
     if options.kind == "flash" or (options.kind == "polarized" and told):
+        if options.gray is not None:
+            raise InputError(
+                f"{project.root / 'project.toml'}: [light] `gray` is for light that stands still,"
+                " and this is a flash's: leave it out; `texproj calibrate-flash --reflectance`"
+                " makes its colors absolute"
+            )
         lamp_of(project)
 
 

@@ -109,6 +109,10 @@ class RelightOptions:
             raise UsageError(f"--ev {self.ev:g} is not between -20 and 40")
         if self.kelvin is not None and not KELVIN[0] <= self.kelvin <= KELVIN[1]:
             raise UsageError(f"--kelvin {self.kelvin:g} is not between {KELVIN[0]} and {KELVIN[1]}")
+        if self.kelvin is not None and not (self.suns or self.lamps):
+            raise UsageError(
+                "--kelvin is the color of suns and lamps, and there is none; give --sun or --lamp"
+            )
         if self.f_number is not None and not LENSES[0] <= self.f_number <= LENSES[1]:
             raise UsageError(f"--lens {self.f_number:g} is not between {LENSES[0]} and {LENSES[1]}")
         if self.film is not None and self.photo is not None:
@@ -173,10 +177,16 @@ def relight_project(
     if options.sky == PHOTOGRAPHED:
         notes += (TAKEN_FOR,)
     shown: list[Bytes] = []
+    lit = False
     for layers in _pictures(bench, options, surface, light, views):
         exposure = metered(layers) if exposure is None else exposure
+        lit = lit or bool((layers[..., :3] > 0).any())
         shown.append(on_backdrop(Development(exposure, options.curve).developed(layers)))
         progress(STAGE, len(shown), len(views), "")
+    if not lit:
+        raise UsageError(
+            "no light reaches what is seen of the piece; move --sun or --lamp, or add a --sky"
+        )
     with staging(project.out) as folder:
         names = _written(folder, [shown[k] for k in of_frame], options)
     replace_record(project, STAGE, names[0].rsplit(".", 1)[-1], names)
@@ -292,9 +302,7 @@ def illumination(
         environment, own = photographed(project).shown(up, -level)
         suns += own
     elif sky != NO_SKY:
-        environment, direction, light = Environment(
-            read_environment(Path(sky)), up, -level
-        ).parted()
+        environment, direction, light = Environment(_picture(sky), up, -level).parted()
         suns += [] if direction is None or light is None else [Sun(direction, light)]
     if not (suns or lamps or (environment and environment.radiance.any())):
         raise UsageError(
@@ -302,6 +310,15 @@ def illumination(
             " --lamp, or another --sky"
         )
     return Illumination(environment, tuple(suns), tuple(lamps))
+
+
+def _picture(sky: str) -> Floats:
+    """The picture that --sky names. Raises UsageError where that is neither a file nor a word."""
+    if not Path(sky).is_file():
+        words = NO_SKY, OVERCAST, PHOTOGRAPHED
+        near = nearest_name(sky.lower(), words)
+        raise UsageError(f"--sky {sky!r} is no file, nor a word that is known{near}")
+    return read_environment(Path(sky))
 
 
 def _views(

@@ -4,6 +4,7 @@ scan.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,14 +23,15 @@ ON_THE_EDGE = 1e-6
 
 
 def read_model(path: Path) -> TexturedMesh | ColoredMesh:
-    """A ply with vertex colors, an obj with textures, or a glb with either.
+    """A ply with vertex colors, an obj with textures, or a glb with either; vertices that are not
+    finite, which no face has, are put where one has: so the whole can be drawn.
 
     Raises InputError for a file that is neither or damaged, and for a glb with images that cannot
     be read.
     """
     try:
         with foreign_parser():
-            return _read(path)
+            return _drawable(_read(path))
     except Broken as error:
         raise InputError(f"{path}: damaged ({error}); run `texproj color` again") from None
 
@@ -52,6 +54,15 @@ def _read(path: Path) -> TexturedMesh | ColoredMesh:
     if not any(part.page is not None for part in parts):
         raise InputError(f"{path} has no texture that can be read")
     return _textured(parts)
+
+
+def _drawable(model: TexturedMesh | ColoredMesh) -> TexturedMesh | ColoredMesh:
+    finite = np.isfinite(model.vertices).all(axis=1, keepdims=True)
+    if finite.all() or not len(model.faces):
+        return model
+    return replace(
+        model, vertices=np.where(finite, model.vertices, model.vertices[model.faces[0, 0]])
+    )
 
 
 def scan_from_node(scene: Any, node: str) -> NDArray[np.float64]:
