@@ -26,7 +26,7 @@ from pathlib import Path
 import numpy as np
 from appearance_scenes import Set, natural_set, sky_image, turntable_set
 from bench_flash import psnr
-from flash_scenes import DarkRoom, Shot, Truth
+from flash_scenes import DarkRoom, Pair, Shot, Truth
 from photo_sets import photo_set as photos_of
 from skimage.color import deltaE_ciede2000
 
@@ -140,10 +140,10 @@ def relit(made: Set, albedo, found, blend) -> None:
         lamps.append((camera, place))
     power = 0.7 * np.pi * (1.5 * made.mesh.diagonal) ** 2
 
-    def drawn(mesh: Mesh, rgb) -> list[np.ndarray]:
+    def drawn(mesh: Mesh, rgb) -> list[Pair]:
         flat = np.zeros(len(rgb), np.float32)
         room = DarkRoom(mesh, Truth(np.clip(rgb, 0.003, 0.99), flat + 0.7, flat, flat))
-        return [room.taken(camera, place, power, 16, 5) for camera, place in lamps]
+        return [room.twice(camera, place, power, k) for k, (camera, place) in enumerate(lamps)]
 
     shots = [Shot(*lamp, power, x) for lamp, x in zip(lamps, drawn(made.true, albedo), strict=True)]
     line = []

@@ -13,9 +13,9 @@ many photos, and of photos of the paint alone, without light, gloss and noise, a
 left there is the measuring's; how often metals are told;
 the mean error of roughness where it is below .6; and photos rendered anew, by Mitsuba on the scan
 with what was found: 6 under the flash and 6 under a lamp elsewhere, beside those with a matte
-surface and with the truth, by the random numbers of the photos, so that the renderer's noise is in
-none of the differences. Then the same from texture pages, with the normals of the mesh and with
-those that the photos tell (numbers of its own, whose noise alone is 36 dB).
+surface and with the truth; then the same from texture pages, with the normals of the mesh and with
+those that the photos tell. All are rendered twice, and what is told is the mean product of the two
+differences: the renderer's noise, some 30 dB by itself, has no part in it.
 MITSUBA_VARIANT=llvm_ad_rgb is several times faster where LLVM fits.
 """
 
@@ -35,9 +35,9 @@ from flash_caster import lump
 from flash_scenes import (
     LAMP,
     SHOT_SAMPLES,
-    SHOT_SEED,
     DarkRoom,
     FlashSet,
+    Pair,
     Shot,
     Truth,
     flash_set,
@@ -139,16 +139,13 @@ def median_and_90(name: str, error: np.ndarray) -> str:
     return f"{name} {np.median(error):.2f} / {np.percentile(error, 90):.2f}"
 
 
-def anew(scan: Mesh, truth: Truth, shots: list[Shot], glossy: bool = True) -> list[np.ndarray]:
+def anew(scan: Mesh, truth: Truth, shots: list[Shot], glossy: bool = True) -> list[Pair]:
     """The held-out photos of a surface."""
     room = DarkRoom(scan, truth, 0.5 if glossy else 0.0)
-    return [
-        room.taken(s.camera, s.lamp, s.intensity, SHOT_SAMPLES, SHOT_SEED + number)
-        for number, s in enumerate(shots)
-    ]
+    return [room.twice(s.camera, s.lamp, s.intensity, k) for k, s in enumerate(shots)]
 
 
-def from_pages(told: Told, made: FlashSet, shots: list[Shot], bumps: bool) -> list[np.ndarray]:
+def from_pages(told: Told, made: FlashSet, shots: list[Shot], bumps: bool) -> list[Pair]:
     """The same of the texture."""
     assert told.pages is not None
     bump = told.pages.normal_map if bumps else None
@@ -158,21 +155,25 @@ def from_pages(told: Told, made: FlashSet, shots: list[Shot], bumps: bool) -> li
     pictures = []
     for shot in shots:
         lights = Illumination(lamps=(RoomLamp(shot.lamp, np.full(3, shot.intensity)),))
-        layers = next(traced_pictures(surface, lights, [shot.camera], samples=SHOT_SAMPLES))
-        pictures.append(layers[..., :3])
+        drawn = traced_pictures(surface, lights, [shot.camera] * 2, samples=SHOT_SAMPLES)
+        pictures.append(tuple(layers[..., :3] for layers in drawn))
     return pictures
 
 
-def psnr(shots: list[Shot], pictures: list[np.ndarray]) -> float:
-    """Over all pixels that show the piece, but those at its outline; dB as shown."""
+def psnr(shots: list[Shot], pictures: list[Pair]) -> float:
+    """Over all pixels that show the piece, but those at its outline; dB as shown, without the
+    renderer's noise: it differs between two pictures, what is wrong with the surface does not.
+    """
     square = []
-    for shot, picture in zip(shots, pictures, strict=True):
-        inside = cv2.erode(
-            (shot.shown & (picture.max(axis=2) > 0)).astype(np.uint8), np.ones((3, 3))
+    for shot, pair in zip(shots, pictures, strict=True):
+        there = shot.shown & ((pair[0] + pair[1]).max(axis=2) > 0)
+        inside = cv2.erode(there.astype(np.uint8), np.ones((3, 3))) > 0
+        one, other = (
+            srgb_from_linear(seen.clip(0, 1)) - srgb_from_linear(drawn.clip(0, 1))
+            for seen, drawn in zip(shot.drawn, pair, strict=True)
         )
-        seen, drawn = (srgb_from_linear(np.clip(x, 0, 1)) for x in (shot.radiance, picture))
-        square.append(((seen - drawn) ** 2)[inside > 0].ravel())
-    return float(-10 * np.log10(np.concatenate(square).mean()))
+        square.append((one * other)[inside].ravel())
+    return float(-10 * np.log10(max(np.concatenate(square).mean(), 1e-9)))
 
 
 def report(name: str, made: FlashSet, every: int, unknown: bool, alone: np.ndarray) -> None:

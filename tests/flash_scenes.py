@@ -33,8 +33,10 @@ LAMP = (0.09, -0.11, 0.02)
 OUTPUT = 0.15
 """Half of the range of the flashes' output."""
 
-SHOT_SAMPLES, SHOT_SEED = 64, 900
-"""Of the photos that are held out: paths per pixel, and the first one's random numbers."""
+SHOT_SAMPLES, SHOT_SEEDS = 32, (900, 2900)
+"""Of the photos that are held out, each drawn twice: paths per pixel, and the first one's random
+numbers.
+"""
 
 
 @dataclass(frozen=True)
@@ -77,20 +79,24 @@ class Truth:
     kind: np.ndarray
 
 
+Pair = tuple[Floats, Floats]
+"""Two pictures (h, w, 3) of the same, linear, by random numbers of their own."""
+
+
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """A photo that is not in the set. lamp: (3,) in the world, of an intensity; radiance: without
-    noise; shown: (h, w) where it shows the piece.
+    """A photo that is not in the set. lamp: (3,) in the world, of an intensity; drawn: twice, by
+    random numbers of their own; shown: (h, w) where it shows the piece.
     """
 
     camera: Camera
     lamp: Doubles
     intensity: float
-    radiance: Floats
+    drawn: Pair
 
     @property
     def shown(self) -> np.ndarray:
-        return self.radiance.max(axis=2) > 0
+        return (self.drawn[0] + self.drawn[1]).max(axis=2) > 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,8 +146,7 @@ def flash_set(
         elsewhere = scan.center + 0.6 * (elsewhere - scan.center) + 0.4 * (beside - scan.center)
         for shots, at in ((flash, beside), (lamp, elsewhere)):
             power = intensity * (np.linalg.norm(at - scan.center) / DISTANCE / scan.diagonal) ** 2
-            radiance = room.taken(camera, at, power, SHOT_SAMPLES, SHOT_SEED + number)
-            shots.append(Shot(camera, at, power, radiance))
+            shots.append(Shot(camera, at, power, room.twice(camera, at, power, number)))
     truth = as_pixels_show(scan, materials, seed)
     return FlashSet(scan, cameras, pictures, output, intensity, truth, flash, lamp)
 
@@ -281,6 +286,13 @@ class DarkRoom:
         parameters.update()
         made = mi.render(self._scene, sensor=sensor(mi, camera, samples), spp=samples, seed=seed)
         return np.nan_to_num(np.array(made)[..., :3]) * np.float32(intensity)
+
+    def twice(self, camera: Camera, lamp: Doubles, intensity: float, number: int) -> Pair:
+        """The same as a held-out photo of a number."""
+        one, other = (
+            self.taken(camera, lamp, intensity, SHOT_SAMPLES, seed + number) for seed in SHOT_SEEDS
+        )
+        return one, other
 
 
 def _shape(mi: Any, mesh: Mesh, truth: Truth, specular: float) -> Any:

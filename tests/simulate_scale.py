@@ -76,7 +76,9 @@ class Costs:
     """What the scheduler and the process that leads have to do for any task."""
     worker_mb: float = 400.0
     worker_bytes_per_face: float = 400.0
-    lead_bytes_per_face: float = 640.0
+    lead_mb: float = 420.0
+    lead_bytes_per_face: float = 200.0
+    """Between 1.5 and 5.5 million faces, with a texture: `tests/bench_faces.py --to texture`."""
 
 
 COSTS = Costs()
@@ -148,9 +150,8 @@ def tell(options: argparse.Namespace) -> None:
     mesh_gb = 1e6 * options.faces / GB
     samples_gb = options.photos * costs.sample_bytes_per_mp * options.megapixels / GB
     each_gb = costs.worker_mb / 1e3 + costs.worker_bytes_per_face * mesh_gb
-    print(f"a worker {each_gb:.1f} GB, who"
-          f" leads {costs.lead_bytes_per_face * mesh_gb:.1f} GB, on disk {samples_gb:.0f} GB"
-          )  # fmt: skip
+    lead_gb = costs.lead_mb / 1e3 + costs.lead_bytes_per_face * mesh_gb
+    print(f"a worker {each_gb:.1f} GB, who leads {lead_gb:.1f} GB, on disk {samples_gb:.0f} GB")
 
 
 # --- the model against this machine

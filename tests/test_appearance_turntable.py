@@ -6,14 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 from chart_scenes import CROSSTALK
 from flash_caster import lump_mesh, waves
 from photo_sets import photo_set
 from skimage.color import deltaE_ciede2000
 
+from texproj.appearance.flash.observations import LampShadows, Surfel
 from texproj.appearance.harmonics import basis
 from texproj.appearance.sun import angle_deg, spiral
 from texproj.appearance.turntable import search
+from texproj.appearance.turntable.around import AroundNodes
+from texproj.appearance.turntable.lamps import RoomLight
 from texproj.appearance.turntable.room import Room, room_turns
 from texproj.appearance.turntable.turned import Blended, turntable_appearance
 from texproj.camera import Camera, Intrinsics, Pose
@@ -25,6 +29,7 @@ from texproj.demo.studio import Lamp, Made, Studio, Stuff
 from texproj.options import ColorOptions, RenderOptions
 from texproj.photo import LUMINANCE, Photo, PhotoInfo
 from texproj.render import open_renderer
+from texproj.render.rays import RayCaster
 
 STUFFS = (Stuff(0.5, grain=0.6), Stuff(0.2, grain=0.2))
 PAINTS = np.array([[0.5, 0.42, 0.35], [0.1, 0.18, 0.4]], np.float32)
@@ -174,3 +179,24 @@ def test_harmonics_turn_with_the_room():
     directions = spiral(40)
     for turn, matrix in zip(room.room_from_world, room.harmonics, strict=True):
         assert basis(directions @ turn.T) == pytest.approx(basis(directions) @ matrix, abs=1e-9)
+
+
+def test_what_arrives_in_a_hollow_is_not_what_arrives_beside_it():
+    """All that a white ball's inside sends comes back to it, two bounces; nothing to its outside,
+    which lies at the same places.
+    """
+    ball = trimesh.creation.icosphere(3, 1.0)
+    xyz, inwards = np.asarray(ball.vertices, np.float32), np.asarray(ball.faces)[:, ::-1]
+    shadows = LampShadows(RayCaster(xyz, inwards), np.zeros(3), 1e-3)
+    light = RoomLight(Room(np.eye(3)[None], np.eye(9)[None]), shadows, 2.0)
+    nodes = AroundNodes(light, Surfel(xyz, -xyz), np.eye(9)[:1].repeat(len(xyz), axis=0))
+    sent = nodes.sent(np.full((len(xyz), 3), 0.6), np.ones((9, 3)), [])
+    point, photo = np.arange(100), np.zeros(100, int)
+
+    inside, outside = (
+        nodes.arriving_at(Surfel(xyz[:100], side * xyz[:100]), sent, point, photo)
+        for side in (-1, 1)
+    )
+
+    assert inside == pytest.approx(0.6 + 0.36, rel=0.05)
+    assert outside == pytest.approx(0)

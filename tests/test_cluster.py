@@ -25,7 +25,7 @@ from texproj.stages import copies, sites
 from texproj.stages.bench import Workbench
 from texproj.stages.beside import searched_beside
 from texproj.stages.methods import Job, Search, search_as_asked
-from texproj.stages.sites import crew_of
+from texproj.stages.sites import Hands, crew_of
 from texproj.version import __version__
 
 PHOTOS = 6
@@ -91,13 +91,15 @@ def same(there: Search, here: Search) -> bool:
 def test_what_workers_find_is_what_this_process_finds(bench, jobs, tmp_path):
     """To the last bit, also where one of two workers ends in the middle of it."""
     search = partial(dies_once, mark=str(tmp_path / "died"))
-    with searched_beside(bench, jobs, search, quiet) as found:
+    with Hands(bench) as hands:
+        found = searched_beside(bench, hands, jobs, search, quiet)
         assert all(same(found(job), search_of(job)) for job in jobs)
     assert (tmp_path / "died").exists()
 
 
 def test_an_error_of_a_search_is_that_of_its_photo(bench, jobs):
-    with searched_beside(bench, jobs, fails, quiet) as found:
+    with Hands(bench) as hands:
+        found = searched_beside(bench, hands, jobs, fails, quiet)
         with pytest.raises(RegistrationError, match=f"{jobs[0].name}: no") as error:
             found(jobs[0])
         assert error.value.approximate == "a start"
@@ -110,8 +112,10 @@ def test_a_photo_at_which_workers_end_is_not_tried_here(bench, jobs, monkeypatch
         raise WorkerLostError
 
     monkeypatch.setattr(clusters._Task, "result", lost)
-    with searched_beside(bench, jobs, fails, quiet) as found, pytest.raises(MemoryError):
-        found(jobs[0])
+    with Hands(bench) as hands:
+        found = searched_beside(bench, hands, jobs, fails, quiet)
+        with pytest.raises(MemoryError):
+            found(jobs[0])
 
 
 def test_the_work_is_not_done_here(bench):
@@ -143,7 +147,8 @@ def test_a_folder_that_workers_do_not_see_is_copied(cluster, project, monkeypatc
         here = [search_of(job) for job in jobs]
         there = crew.submit(root_of).result(quiet)
         told = crew.submit(mesh_of).result(quiet)
-        with searched_beside(bench, jobs, search_of, quiet) as found:
+        with Hands(bench) as hands:
+            found = searched_beside(bench, hands, jobs, search_of, quiet)
             for path in (*apart.photo_paths.values(), apart.mesh_path):
                 path.unlink()
             assert all(same(found(job), search) for job, search in zip(jobs, here, strict=True))
@@ -282,7 +287,8 @@ def test_nobody_answers(monkeypatch):
 
 def test_a_scheduler_that_is_lost(bench, jobs, cluster):
     """The last test here: whoever waits is told, and nothing hangs."""
-    with searched_beside(bench, jobs, search_of, quiet) as found:
+    with Hands(bench) as hands:
+        found = searched_beside(bench, hands, jobs, search_of, quiet)
         cluster.client.cluster.sync(cluster.client.cluster.scheduler.close)
         with pytest.raises(ClusterError, match="what was done is kept"):
             for job in jobs:

@@ -89,7 +89,7 @@ def test_displacements_move_the_lookup(cpu):
         plain = photo_view(picture(view), view, scene, ColorOptions())
     shift = np.zeros((18, 24, 2), np.float32)
     shift[:, 12:] = WRONG
-    table = replace(plain, shift=shift).lens - plain.lens
+    table = np.moveaxis(replace(plain, shift=shift).lens - plain.lens, 0, -1)
     assert table[3, 2] == pytest.approx((0, 0), abs=1e-5)
     assert table[3, -3] == pytest.approx(WRONG, abs=1e-5)
     assert LENS_CELL == 8

@@ -8,7 +8,8 @@ import pytest
 from color_scenes import SIZE, camera, picture, plane
 from photo_sets import photo_set
 
-from texproj.color.occluders.in_front import find_occluders
+from texproj.color.occluders.in_front import find_occluders, shown, sparse
+from texproj.color.sampling.prepare import depth_seen
 from texproj.errors import InputError, OutputError
 from texproj.files import write_atomically
 from texproj.formats.cameras import cameras_json
@@ -62,6 +63,26 @@ def photos(body=None, change=None):
 
 def found(given, cpu):
     return find_occluders(plane(), photo_set(views()[: len(given)], given), cpu)
+
+
+def test_one_depth_image_serves_all_sizes(cpu):
+    """Of a large photo's depth every n-th pixel, which is where its sparse camera sees the plane;
+    and, through the lens, where a smaller photo shows it.
+    """
+    view = camera(VIEWS[0], TARGETS[0], dist=(0.05, 0, 0, 0, 0)).scaled(6)
+    with cpu.load(plane()) as scene:
+        depth_camera, depth = depth_seen(view, scene)
+        small = view.resized(160, 120)
+        expected = np.isfinite(scene.gbuffer(small, ("depth",)).require("depth"))
+    few_camera, few = sparse(depth_camera, depth)
+    assert 320 <= max(few.shape) < 0.6 * max(depth.shape)
+    row, column = np.argwhere(np.isfinite(few)).T
+    xyz = few_camera.unproject(np.stack([column, row], axis=1) + 0.5, few[row, column])
+    assert np.abs(xyz[:, 2]).max() < 1e-4
+
+    on_mesh = shown(small, depth_camera, depth)
+    assert 0.2 < expected.mean() < 0.9
+    assert (on_mesh != expected).mean() < 0.005
 
 
 def test_the_whole_of_it_is_cut_out(cpu):

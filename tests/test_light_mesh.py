@@ -4,7 +4,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
-from texproj.mesh import Mesh, face_areas
+from texproj.mesh import Mesh, face_areas, face_cross
 from texproj.register.block import light_mesh as module
 from texproj.register.block.light_mesh import clustered, light_mesh
 
@@ -28,6 +28,17 @@ def test_a_light_mesh_has_about_the_faces_that_are_wanted(monkeypatch):
     assert np.abs(np.linalg.norm(light.vertices, axis=1) - 1).max() < 0.01
     assert abs(face_areas(light).sum() / (4 * np.pi) - 1) < 0.02
     assert cKDTree(light.vertices).query(mesh.vertices)[0].max() < 0.1
+
+
+def test_faces_look_outwards_as_they_did():
+    """Also thin ones, which fold over as their corners are moved together."""
+    rng = np.random.default_rng(0)
+    mesh = ball(5)
+    rough = Mesh(mesh.vertices * rng.uniform(0.99, 1.01, (len(mesh.vertices), 1)), mesh.faces)
+    light = clustered(rough, 0.15)
+    cross = face_cross(light.vertices, light.faces)
+
+    assert (np.einsum("ij,ij->i", cross, light.vertices[light.faces[:, 0]]) > 0).mean() > 0.995
 
 
 def test_a_mesh_of_few_faces_is_itself():

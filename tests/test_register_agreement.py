@@ -21,7 +21,7 @@ from texproj.register.block.slides import slides, untold
 from texproj.register.joint.lenses import PhotoStart
 from texproj.register.proof.agreement import Agreement
 from texproj.register.proof.camps import Ruling, rulings
-from texproj.register.proof.judge import judge
+from texproj.register.proof.judge import LooksHere, judge
 from texproj.register.proof.together import Together, brought_together
 from texproj.render.rays import CPURenderer
 from texproj.stages import methods
@@ -43,12 +43,12 @@ def vases():
 def judged(cameras):
     scene, drawn = vases()
     names = list(scene.cameras)
-    return judge(
+    looks = LooksHere(
         cameras,
         lambda k, longest: scene.photo(names[k]).reduced(longest),
         lambda camera: drawn.gbuffer(camera, CHANNELS),
-        range(len(cameras)),
     )
+    return judge(cameras, looks, range(len(cameras)))
 
 
 def test_true_cameras_agree_far_beyond_chance():

@@ -14,8 +14,10 @@ from texproj.photo import Photo, PhotoInfo
 from texproj.register.structure.crop import Window
 from texproj.register.structure.mirror import mirrored_camera
 from texproj.register.structure.register import register_structure
+from texproj.register.structure.solve import CHECK, NEAR
 from texproj.register.structure.starts import placed_pose
 from texproj.register.structure.verdict import verify
+from texproj.register.structure.view import StructureView
 from texproj.render import ambient_occlusion
 from texproj.render.rays import CPURenderer
 from texproj.solve.placement import Placement
@@ -313,3 +315,26 @@ def test_window_is_cut_at_whole_pixels():
     assert part.pixels.shape[1] * 4 == window.width
     assert window.x % 4 == 0
     assert (part.pixels == 255).all(axis=2).sum() >= 0.8 * 200
+
+
+def test_one_camera_is_drawn_once_for_all_that_is_asked_of_it(wall, photo):
+    """With the mesh's outline and without it, for patches of two sizes; another camera anew."""
+    drawn = []
+
+    def render(seen):
+        drawn.append(seen)
+        return wall.render(seen)
+
+    view = StructureView.of(photo, render, 400, camera())
+    drawn.clear()
+    first, _, outlined = (
+        view.observe(camera(), CHECK),
+        view.observe(camera(), NEAR),
+        replace(view, outline=True).observe(camera(), CHECK),
+    )
+    assert len(drawn) == 1
+    assert outlined.patches >= first.patches > 0
+
+    view.observe(moved(camera(), turn_deg=(0, 1, 0)), CHECK)
+    view.observe(camera(), CHECK)
+    assert len(drawn) == 3

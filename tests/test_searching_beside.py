@@ -17,7 +17,7 @@ from texproj.stages.bench import Workbench
 from texproj.stages.beside import searched_beside
 from texproj.stages.methods import Job, Search, search_as_asked
 from texproj.stages.progress import Cancelled
-from texproj.stages.sites import FEWEST
+from texproj.stages.sites import FEWEST, Hands
 
 
 def search_of(job: Job) -> Search:
@@ -59,7 +59,8 @@ def quiet(name: str) -> None:
 
 
 def test_what_processes_find_is_what_this_one_finds(bench, jobs):
-    with searched_beside(bench, jobs, search_of, quiet) as found:
+    with Hands(bench) as hands:
+        found = searched_beside(bench, hands, jobs, search_of, quiet)
         assert found is not search_of
         for job in jobs:
             there, here = found(job).fit, search_of(job).fit
@@ -69,7 +70,8 @@ def test_what_processes_find_is_what_this_one_finds(bench, jobs):
 
 
 def test_an_error_of_a_search_is_that_of_its_photo(bench, jobs):
-    with searched_beside(bench, jobs, fails, quiet) as found:
+    with Hands(bench) as hands:
+        found = searched_beside(bench, hands, jobs, fails, quiet)
         for job in jobs:
             with pytest.raises(RegistrationError, match=f"{job.name}: no"):
                 found(job)
@@ -77,7 +79,8 @@ def test_an_error_of_a_search_is_that_of_its_photo(bench, jobs):
 
 def test_the_photos_of_a_process_that_died_are_searched_here(bench, jobs):
     search = partial(dies, test=os.getpid())
-    with searched_beside(bench, jobs, search, quiet) as found:
+    with Hands(bench) as hands:
+        found = searched_beside(bench, hands, jobs, search, quiet)
         assert [found(job).refusals for job in jobs] == [(f"{job.name} here",) for job in jobs]
 
 
@@ -88,8 +91,8 @@ def test_whoever_stops_the_work_ends_the_processes(bench, jobs, tmp_path):
 
     search = partial(sleeps, marks=str(tmp_path))
     began = time.monotonic()
-    with pytest.raises(Cancelled), searched_beside(bench, jobs, search, stop) as found:
-        found(jobs[0])
+    with pytest.raises(Cancelled), Hands(bench) as hands:
+        searched_beside(bench, hands, jobs, search, stop)(jobs[0])
     assert time.monotonic() - began < 60
     for mark in tmp_path.iterdir():
         with pytest.raises(ProcessLookupError):
@@ -97,11 +100,10 @@ def test_whoever_stops_the_work_ends_the_processes(bench, jobs, tmp_path):
 
 
 def test_few_photos_or_one_processor_need_no_process(bench, jobs, monkeypatch):
-    with searched_beside(bench, jobs[: FEWEST - 1], search_of, quiet) as found:
-        assert found is search_of
-    monkeypatch.setattr(sites, "processes_here", lambda faces: 1)
-    with searched_beside(bench, jobs, search_of, quiet) as found:
-        assert found is search_of
+    with Hands(bench) as hands:
+        assert searched_beside(bench, hands, jobs[: FEWEST - 1], search_of, quiet) is search_of
+        monkeypatch.setattr(sites, "processes_here", lambda faces: 1)
+        assert searched_beside(bench, hands, jobs, search_of, quiet) is search_of
 
 
 def test_processes_are_as_many_as_memory_holds(monkeypatch):

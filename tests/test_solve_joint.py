@@ -107,8 +107,9 @@ def test_derivatives_are_those_of_central_differences(which):
 def whole(joint: JointPoses, cameras) -> np.ndarray:
     """(2 n, p) all parts of the jacobian in their rows."""
     out = np.full((len(joint.ties), 2, 6 * len(cameras) + joint.lenses.count), np.nan)
-    for rows, part in joint.jacobian(cameras):
-        out[rows] = part.toarray().reshape(len(rows), 2, -1)
+    for part in joint.jacobian(cameras):
+        out[part.rows] = 0
+        np.add.at(out, (part.rows[:, None], slice(None), part.columns), part.block.swapaxes(1, 2))
     return out.reshape(2 * len(joint.ties), -1)
 
 

@@ -202,16 +202,23 @@ class Intrinsics:
         xy = np.asarray(xy, np.float64).reshape(-1, 2)
         if not self.distorted:
             return xy.copy()
-        inside = (xy**2).sum(1) < self.max_radius**2
-        ideal = np.where(inside[:, None], xy, 0)
-        if self.is_fisheye:
-            out = fisheye.distort(ideal, self.dist)
-        elif any(self.dist[12:]):
-            out = _by_opencv(ideal, self.dist)
+        return np.stack(self.distort_each(xy[:, 0], xy[:, 1]), axis=1)
+
+    def distort_each(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+        """The same of x (n,) and y (n,) apart, of a lens that distorts: half of the time."""
+        across, down = np.array(x, np.float64), np.array(y, np.float64)
+        outside = ~(across * across + down * down < self.max_radius**2)
+        some = bool(outside.any())
+        if some:
+            across[outside] = down[outside] = 0
+        if self.is_fisheye or any(self.dist[12:]):
+            bend = fisheye.distort if self.is_fisheye else _by_opencv
+            across, down = bend(np.stack([across, down], axis=1), self.dist).T
         else:
-            out = _by_polynomials(ideal, self.dist)
-        out[~inside] = np.nan
-        return out
+            across, down = _by_polynomials(across, down, self.dist)
+        if some:
+            across[outside] = down[outside] = np.nan
+        return across, down
 
     def undistort(self, xy: ArrayLike) -> Array:
         """(n, 2) distorted normalized coordinates to ideal ones; the inverse of `distort`.
@@ -292,22 +299,21 @@ def _max_radius(dist: tuple[float, ...], is_fisheye: bool) -> float:
     return float(np.sqrt(min(limits))) if limits else float("inf")
 
 
-def _by_polynomials(xy: Array, dist: tuple[float, ...]) -> Array:
-    """(n, 2) distorted coordinates by OpenCV's formula without tilt; twenty times as fast."""
+def _by_polynomials(x: Array, y: Array, dist: tuple[float, ...]) -> tuple[Array, Array]:
+    """(n,) distorted coordinates by OpenCV's formula without tilt; twenty times as fast."""
     k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = (*dist, *(0.0,) * 12)[:12]
-    x, y = xy.T
     r2 = x * x + y * y
     radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
     if k4 or k5 or k6:
         radial /= 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
-    out = xy * radial[:, None]
+    bent_x, bent_y = x * radial, y * radial
     if p1 or p2:
-        out[:, 0] += 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
-        out[:, 1] += p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+        bent_x += 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+        bent_y += p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
     if s1 or s2 or s3 or s4:
-        out[:, 0] += r2 * (s1 + r2 * s2)
-        out[:, 1] += r2 * (s3 + r2 * s4)
-    return out
+        bent_x += r2 * (s1 + r2 * s2)
+        bent_y += r2 * (s3 + r2 * s4)
+    return bent_x, bent_y
 
 
 @dataclass(frozen=True, eq=False)

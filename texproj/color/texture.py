@@ -76,7 +76,7 @@ def color_texture(
     with opencv_in_one_thread(), closing(Scratch()) as scratch:
         with ThreadPoolExecutor(1) as beside:
             regions = None if kept else beside.submit(Regions.of, mesh, unwrap_options)
-            photos = _rendered(mesh, photos, renderer, scratch)
+            photos = photos.seen_on(mesh, renderer, scratch)
             renderer.rest()
             density = texels_per_unit(mesh, photos, options)
         trim()
@@ -108,12 +108,6 @@ def color_texture(
     quality |= {"lenses": per_lens(names, light), "atlas": asdict(atlas.stats)}
     notes = (note,) if note else ()
     return Texture(atlas, tuple(pages), tuple(counts), quality, failed, kept, notes)
-
-
-def _rendered(mesh: Mesh, photos: PhotoSet, renderer: Renderer, scratch: Scratch) -> PhotoSet:
-    """The photos with what they see of the surface; nothing of the scene stays in memory."""
-    with renderer.load(mesh) as scene:
-        return photos.rendered(scene, scratch)
 
 
 def found_alignments(

@@ -50,8 +50,7 @@ def color_vertices(
     count = np.zeros(len(mesh.vertices), np.uint16)
     share = np.zeros(len(photos))
     with opencv_in_one_thread(), closing(Scratch()) as scratch:
-        with renderer.load(mesh) as scene:
-            photos = photos.rendered(scene, scratch)
+        photos = photos.seen_on(mesh, renderer, scratch)
         renderer.rest()
         coming = Coming(photos, options, found)
         observer = PointObserver(points, len(photos), options.focus_power > 0)

@@ -173,7 +173,8 @@ def entry_of_record(record: CameraRecord) -> dict[str, Any]:
     entry["status"] = record.status
     if record.method is not None:
         entry["method"] = record.method
-    entry["quality"] = record.quality
+    first = [name for name in _Quality.model_fields if name in record.quality]
+    entry["quality"] = {name: record.quality[name] for name in first} | record.quality  # as reread
     return json.loads(json.dumps(entry, allow_nan=False, default=_plain))
 
 

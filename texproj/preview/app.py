@@ -180,10 +180,9 @@ class Handlers:
 
     def mesh(self, request: Request) -> Response:
         level = request.path_params["level"]
-        if level not in ("full", "light"):
+        if level not in ("first", "full", "light"):
             raise HTTPException(404, "no such level of detail")
-        surface = self.session.surface
-        data = surface.full_pack if level == "full" else surface.light_pack
+        data = getattr(self.session.surface, f"{level}_pack")
         return Response(data or b"", 200 if data else 204, media_type=BINARY)
 
     def colors(self, _: Request) -> Response:

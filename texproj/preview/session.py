@@ -198,7 +198,7 @@ class Session:
 
     def _warm_surface(self) -> None:
         surface = self.surface
-        ready = surface.full_pack and surface.light_pack
+        ready = surface.first_pack and surface.light_pack
         self.hub.send("light" if ready else "no-light", {})
 
     def close(self) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from texproj.errors import InputError
 from texproj.mesh import Mesh, MeshSource, face_normals, vertex_normals
 from texproj.preview.door import leaves
-from texproj.preview.geometry import LightMesh, pack_mesh, simplified
+from texproj.preview.geometry import LightMesh, is_large, pack_mesh, simplified
 from texproj.project import Project
 from texproj.render import ambient_occlusion
 from texproj.render.rays import RayCaster
@@ -65,7 +65,14 @@ class Surface:
     def full_pack(self) -> bytes:
         """The full mesh for the page."""
         with self._lock:
-            return pack_mesh(self.mesh, self.mesh.center)
+            return pack_mesh(self.mesh, self.mesh.center, len(self.mesh.faces))
+
+    @property
+    def first_pack(self) -> bytes:
+        """What the page shows at first: the full mesh, or the light one of a large mesh."""
+        if is_large(self.mesh) and (light := self.light_pack) is not None:
+            return light
+        return self.full_pack
 
     @cached_property
     def light(self) -> LightMesh | None:
@@ -79,7 +86,8 @@ class Surface:
         if self.light is None:
             return None
         nearest = self.light.vertex_of_light.astype(np.uint32)
-        return pack_mesh(self.light.mesh, self.mesh.center, vertex_of_light=nearest)
+        whole = self.mesh
+        return pack_mesh(self.light.mesh, whole.center, len(whole.faces), vertex_of_light=nearest)
 
     def first_hits(
         self, origins: NDArray[np.float64], directions: NDArray[np.float64]

@@ -5,7 +5,7 @@ from texproj.render.gbuffer import CHANNELS, GBuffer
 from texproj.render.interface import Render, Renderer, Scene
 from texproj.render.lens import ideal_grid, pinhole_cover
 from texproj.render.model import ModelLook, model_pictures, render_model
-from texproj.render.occlusion import ambient_occlusion
+from texproj.render.occlusion import ambient_occlusion, occlusion_of
 
 __all__ = [
     "CHANNELS",
@@ -17,6 +17,7 @@ __all__ = [
     "ambient_occlusion",
     "ideal_grid",
     "model_pictures",
+    "occlusion_of",
     "open_renderer",
     "pinhole_cover",
     "render_model",

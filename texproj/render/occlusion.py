@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,38 +35,53 @@ def ambient_occlusion(mesh: Mesh, rays: int = 64, seed: int = 0) -> Floats:
     dark. Vertices whose outside is closed and whose inside is open are taken as turned inside out
     and measured on the other side; vertices without a normal are 1.
     """
-    surface = Surface(mesh)
-    caster = RayCaster(surface.xyz_in_local, mesh.faces)
-    rays = max(min(rays, MAX_RAYS // max(len(mesh.vertices), 1)), min(rays, MIN_RAYS))
-    shifts = np.random.default_rng(seed).random((len(mesh.vertices), 2), np.float32)
-    normals = surface.normal_in_world
-    openness = _openness(surface, caster, normals, shifts, rays)
+    return occlusion_of(mesh, 0, len(mesh.vertices), rays, seed)
+
+
+def occlusion_of(mesh: Mesh, first: int, end: int, rays: int = 64, seed: int = 0) -> Floats:
+    """(end - first,) float32: those of the vertices from `first` to `end`, bit by bit as
+    `ambient_occlusion` has them.
+    """
+    sky = _Sky.of(mesh, rays, seed)
+    vertices = np.arange(first, end)
+    openness = sky.openness(vertices, 1)
     closed = np.flatnonzero(openness < CLOSED)
-    inside = _openness(surface, caster, -normals, shifts, rays, closed)
+    inside = sky.openness(vertices[closed], -1)
     turned = inside > OPEN
     openness[closed[turned]] = inside[turned]
     return openness
 
 
-def _openness(
-    surface: Surface,
-    caster: RayCaster,
-    normals: Floats,
-    shifts: Floats,
-    rays: int,
-    chosen: NDArray[np.intp] | None = None,
-) -> Floats:
-    """(m,) the part of the cosine-weighted rays around `normals` that leave the mesh."""
-    chosen = np.arange(len(normals)) if chosen is None else chosen
-    lift = np.float32(LIFT * surface.mesh.diagonal)
-    out = np.ones(len(chosen), np.float32)
-    step = max(1, CHUNK // rays)
-    for start in range(0, len(chosen), step):
-        part = chosen[start : start + step]
-        n = normals[part]
-        directions = cosine_directions(n, shifts[part], rays)
-        origins = np.repeat(surface.xyz_in_local[part] + lift * n, rays, axis=0)
-        blocked = caster.blocked(origins, directions.reshape(-1, 3)).reshape(-1, rays)
-        known = np.einsum("ij,ij->i", n, n) > 0
-        out[start : start + step] = np.where(known, 1 - blocked.mean(axis=1), 1)
-    return out
+@dataclass(frozen=True, eq=False)
+class _Sky:
+    """What is asked at each vertex. shifts: (V, 2) of the directions; rays: their number."""
+
+    surface: Surface
+    caster: RayCaster
+    shifts: Floats
+    rays: int
+
+    @classmethod
+    def of(cls, mesh: Mesh, rays: int, seed: int) -> _Sky:
+        surface, count = Surface(mesh), len(mesh.vertices)
+        shifts = np.random.default_rng(seed).random((count, 2), np.float32)
+        rays = max(min(rays, MAX_RAYS // max(count, 1)), min(rays, MIN_RAYS))
+        return cls(surface, RayCaster(surface.xyz_in_local, mesh.faces), shifts, rays)
+
+    def openness(self, vertices: NDArray[np.intp], side: int) -> Floats:
+        """(m,) the part of the cosine-weighted rays that leave the mesh at vertices (m,), around
+        their normals times `side`.
+        """
+        surface, rays = self.surface, self.rays
+        lift = np.float32(LIFT * surface.mesh.diagonal)
+        out = np.ones(len(vertices), np.float32)
+        step = max(1, CHUNK // rays)
+        for start in range(0, len(vertices), step):
+            part = vertices[start : start + step]
+            n = side * surface.normal_in_world[part]
+            directions = cosine_directions(n, self.shifts[part], rays)
+            origins = np.repeat(surface.xyz_in_local[part] + lift * n, rays, axis=0)
+            blocked = self.caster.blocked(origins, directions.reshape(-1, 3)).reshape(-1, rays)
+            known = np.einsum("ij,ij->i", n, n) > 0
+            out[start : start + step] = np.where(known, 1 - blocked.mean(axis=1), 1)
+        return out

@@ -56,7 +56,12 @@ class Processes:
     _pool: Any
 
     def submit(self, work: Callable[..., T], *args: Any) -> Pending[T]:
-        return _Process(self._pool.submit(work, *args))
+        from concurrent.futures.process import BrokenProcessPool  # noqa: PLC0415 - slow to load
+
+        try:
+            return _Process(self._pool.submit(work, *args))
+        except BrokenProcessPool as error:  # a process has ended at an earlier task
+            return _Lost(error)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +79,17 @@ class _Process(Generic[T]):
             return self.future.result()
         except BrokenProcessPool as error:
             raise WorkerLostError from error
+
+
+@dataclass(frozen=True, eq=False)
+class _Lost:
+    """A task that nobody took."""
+
+    why: Exception
+
+    def result(self, listen: Callable[[], None]) -> Any:
+        listen()
+        raise WorkerLostError from self.why
 
 
 @contextmanager

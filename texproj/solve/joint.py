@@ -11,16 +11,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
-from texproj.arrays import Doubles
+from texproj.arrays import Bools, Doubles, Index
 from texproj.camera import Camera
+from texproj.solve.lm import JacobianPart
 from texproj.solve.reprojection import projection_jacobian
 from texproj.solve.shared_lens import LensParameters, ideal_of
 
 Cameras = tuple[Camera, ...]
-Rows = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +29,8 @@ class Ties:
     that j had then; point, normal: (n, 3) world, the plane that touches the surface there.
     """
 
-    to: NDArray[np.intp]
-    source: NDArray[np.intp]
+    to: Index
+    source: Index
     to_px: Doubles
     source_px: Doubles
     ideal_in_source: Doubles
@@ -41,7 +40,7 @@ class Ties:
     def __len__(self) -> int:
         return len(self.to)
 
-    def at(self, where: NDArray[np.bool_]) -> Ties:
+    def at(self, where: Bools) -> Ties:
         """The chosen ties alone."""
         return Ties(*(getattr(self, name)[where] for name in self.__dataclass_fields__))
 
@@ -66,7 +65,7 @@ class Anchors:
     already widened for the points of one camera are not independent.
     """
 
-    camera: NDArray[np.intp]
+    camera: Index
     point: Doubles
     px: Doubles
     sigma_px: Doubles
@@ -85,7 +84,7 @@ class JointPoses:
     anchors: Anchors
     lenses: LensParameters
     sigma_px: Doubles
-    fixed: NDArray[np.bool_]
+    fixed: Bools
 
     def residual(self, cameras: Cameras) -> Doubles:
         """(n, 2) seen minus measured position in camera i, over sigma; NaN where not seen."""
@@ -101,32 +100,40 @@ class JointPoses:
             out[rows] = self._met(cameras[j], rows)
         return out
 
-    def jacobian(self, cameras: Cameras) -> Iterator[tuple[Rows, sparse.csr_matrix]]:
-        """Of the ties sought in one camera after the other: their rows, and the
-        (2 k, 6 cameras + lens parameters) derivative of these residuals by the step.
+    def jacobian(self, cameras: Cameras) -> Iterator[JacobianPart]:
+        """Of one pair of cameras after the other: how the residuals of its ties move with the poses
+        and lenses of both.
         """
-        for i, rows in self._by_to:
-            yield rows, self._by_step(cameras, i, rows)
+        for j, rows in self._by_source:
+            xyz = self._met(cameras[j], rows)
+            moved = self._point_jacobian(cameras[j], rows, xyz)
+            for i, chosen in _grouped(self.ties.to[rows]):
+                own = projection_jacobian(cameras[i], xyz[chosen], self.lenses.names)
+                own /= self.sigma_px[i]
+                other = own[:, :, 3:6] @ cameras[i].pose.R @ moved[chosen]
+                own[:, :, self._held[i]] = other[:, :, self._held[j]] = 0
+                columns = np.concatenate([self._columns[i], self._columns[j]])
+                yield JacobianPart(rows[chosen], columns, np.concatenate([own, other], axis=2))
 
     @cached_property
-    def _by_to(self) -> list[tuple[int, Rows]]:
+    def _columns(self) -> Index:
+        """(cameras, 6 + names) numbers of the parameters of each camera."""
+        poses = 6 * np.arange(len(self.fixed))[:, None] + np.arange(6)
+        return np.concatenate([poses, 6 * len(self.fixed) + self.lenses.columns], axis=1)
+
+    @cached_property
+    def _held(self) -> Bools:
+        """(cameras, 6 + names) which of these are not solved."""
+        poses = np.repeat(self.fixed[:, None], 6, axis=1)
+        return np.concatenate([poses, ~self.lenses.free[self.lenses.columns]], axis=1)
+
+    @cached_property
+    def _by_to(self) -> list[tuple[int, Index]]:
         return _grouped(self.ties.to)
 
     @cached_property
-    def _by_source(self) -> list[tuple[int, Rows]]:
+    def _by_source(self) -> list[tuple[int, Index]]:
         return _grouped(self.ties.source)
-
-    def _by_step(self, cameras: Cameras, i: int, rows: Rows) -> sparse.csr_matrix:
-        """(2 k, 6 cameras + lens parameters) of the ties `rows`, all sought in camera i."""
-        names, sources = self.lenses.names, self.ties.source[rows]
-        own, other = np.empty((2, len(rows), 2, 6 + len(names)))
-        for j, chosen in _grouped(sources):
-            xyz = self._met(cameras[j], rows[chosen])
-            own[chosen] = projection_jacobian(cameras[i], xyz, names)
-            by_point = own[chosen, :, 3:6] @ cameras[i].pose.R
-            other[chosen] = by_point @ self._point_jacobian(cameras[j], rows[chosen], xyz)
-        blocks = np.stack([own, other]) / self.sigma_px[i]
-        return self._scattered(blocks[0], self.ties.to[rows]) + self._scattered(blocks[1], sources)
 
     def step(self, cameras: Cameras, delta: Doubles) -> Cameras:
         """Each pose moved by its six numbers, each lens by its own."""
@@ -165,7 +172,7 @@ class JointPoses:
         held = np.concatenate([np.zeros(6 * len(cameras)), value])
         return sparse.csr_matrix(sparse.diags(weight)), held
 
-    def _met(self, camera: Camera, rows: Rows) -> Doubles:
+    def _met(self, camera: Camera, rows: Index) -> Doubles:
         """(k, 3) where the rays of `rows` meet the surface, world."""
         px, guess = self.ties.source_px[rows], self.ties.ideal_in_source[rows]
         ideal = ideal_of(camera.intrinsics, px, guess)
@@ -177,7 +184,7 @@ class JointPoses:
         out: Doubles = camera.center + ray * along[:, None]
         return out
 
-    def _point_jacobian(self, camera: Camera, rows: Rows, xyz: Doubles) -> Doubles:
+    def _point_jacobian(self, camera: Camera, rows: Index, xyz: Doubles) -> Doubles:
         """(k, 3, 6 + names) how the surface points (k, 3) of `rows` move with pose and lens of the
         camera whose rays they are on: their pixels stay.
         """
@@ -193,23 +200,19 @@ class JointPoses:
         out: Doubles = free - slide[:, :, None] * (normal[:, None] @ free)
         return out
 
-    def _scattered(self, blocks: Doubles, camera: NDArray[np.intp]) -> sparse.csr_matrix:
+    def _scattered(self, blocks: Doubles, camera: Index) -> sparse.csr_matrix:
         """(2 n, parameters) sparse matrix of (n, 2, 6 + names) blocks, in the columns of their
         cameras and lenses; what is fixed stays zero.
         """
         n, width = len(blocks), blocks.shape[2]
-        lens = self.lenses.columns[camera]
-        free = np.repeat(~self.fixed[camera][:, None], 6, axis=1)
-        free = np.concatenate([free, self.lenses.free[lens]], axis=1)
-        columns = camera[:, None] * 6 + np.arange(6)
-        columns = np.concatenate([columns, 6 * len(self.fixed) + lens], axis=1)
-        indices = np.repeat(columns.astype(np.int32)[:, None], 2, axis=1).ravel()
+        indices = np.repeat(self._columns[camera].astype(np.int32)[:, None], 2, axis=1).ravel()
         starts = np.arange(0, 2 * n * width + 1, width, dtype=np.int32)
         shape = (2 * n, 6 * len(self.fixed) + self.lenses.count)
-        return sparse.csr_matrix(((blocks * free[:, None]).ravel(), indices, starts), shape)
+        values = np.where(self._held[camera][:, None], 0, blocks)
+        return sparse.csr_matrix((values.ravel(), indices, starts), shape)
 
 
-def _grouped(numbers: NDArray[np.intp]) -> list[tuple[int, Rows]]:
+def _grouped(numbers: Index) -> list[tuple[int, Index]]:
     """Each number that occurs, and where."""
     order = np.argsort(numbers, kind="stable")
     values, starts = np.unique(numbers[order], return_index=True)

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 from typing import Any, Generic, Literal, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from texproj.arrays import Doubles
+from texproj.arrays import Doubles, Index
 
 X = TypeVar("X")
 FAR = 1e6
@@ -35,8 +34,7 @@ class Problem(Protocol[X]):
 
     def jacobian(self, x: X) -> Any:
         """(n, d, p) float64 derivative of the residual by `step`'s delta, or an iterator over parts
-        of it that are never there together: (k,) numbers of rows, each row once, and their
-        (k * d, p) scipy.sparse matrix."""
+        of it, which are never there together."""
 
     def step(self, x: X, delta: Doubles) -> X:
         """A new x, moved by `delta` (p,)."""
@@ -44,6 +42,18 @@ class Problem(Protocol[X]):
     def prior(self, x: X) -> tuple[Doubles, Any]:
         """((q,) residuals, (q, p) jacobian) of what is known beforehand; never reweighted. The
         jacobian may be sparse where that of the residuals is."""
+
+
+@dataclass(frozen=True, eq=False)
+class JacobianPart:
+    """Rows of a jacobian that few parameters move. rows: (k,) their numbers, each in one part;
+    columns: (c,) numbers of the parameters; block: (k, d, c), of which columns of the same number
+    add up.
+    """
+
+    rows: Index
+    columns: Index
+    block: Doubles
 
 
 @dataclass(frozen=True)
@@ -221,18 +231,20 @@ class _Linearized(Generic[X]):
 
 
 def _summed(
-    parts: Iterator[tuple[NDArray[np.intp], Any]], clean: Doubles, weights: Doubles, width: int
+    parts: Iterator[JacobianPart], clean: Doubles, weights: Doubles, width: int
 ) -> tuple[Any, Doubles]:
     """((p, p) sparse J'WJ, (p,) J'Wr) of the parts of a jacobian with p = width columns."""
-    gradient, blocks = np.zeros(width), [sparse.coo_matrix((width, width))]
-    for rows, part in parts:
-        weighted = part.T.multiply(np.repeat(weights[rows], clean.shape[1])).tocsr()
-        gradient += weighted @ clean[rows].ravel()
-        blocks.append((weighted @ part).tocoo())
-    row, column, value = (
-        np.concatenate([getattr(block, name) for block in blocks])
-        for name in ("row", "col", "data")
-    )
+    gradient = np.zeros(width)
+    numbers, values = [np.zeros((2, 0), np.int32)], [np.zeros(0)]
+    for part in parts:
+        columns = part.columns.astype(np.int32)
+        block = part.block.reshape(-1, len(columns))
+        weighted = block.T * np.repeat(weights[part.rows], clean.shape[1])
+        np.add.at(gradient, columns, weighted @ clean[part.rows].ravel())
+        numbers.append(np.stack([np.repeat(columns, len(columns)), np.tile(columns, len(columns))]))
+        values.append((weighted @ block).ravel())
+    row, column = np.concatenate(numbers, axis=1)
+    value = np.concatenate(values)
     return sparse.csc_array((value, (row, column)), (width, width)), gradient
 
 

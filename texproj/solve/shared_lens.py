@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +49,7 @@ class LensParameters:
         """Number of parameters."""
         return sum(block.value.size for block in self.blocks)
 
-    @property
+    @cached_property
     def columns(self) -> NDArray[np.intp]:
         """(cameras, names) number of each camera's parameters."""
         first, out = 0, []

@@ -125,7 +125,7 @@ def _kinds(light: FlashLight | PolarizedLight) -> Sequence[Pooled]:
 def _gloss(kinds: Sequence[Pooled]) -> list[Gloss]:
     return [
         Gloss(
-            f"material_{number}", one.material.roughness, float(one.material.metal),
+            f"material_{number}", one.roughness, float(one.material.metal),
             one.material.f0 if one.f0_known and not one.material.metal else None,
         )
         for number, one in enumerate(kinds)
@@ -275,7 +275,7 @@ def material_facts(mesh: Mesh, appearance: Appearance) -> list[dict[str, Any]] |
         out.append({
             "name": f"material_{number}",
             "metallic": one.material.metal,
-            "roughness": one.material.roughness,
+            "roughness": one.roughness,
             "f0": one.material.f0 if one.f0_known else None,
             "share": float(rows.sum() / max(seen.sum(), 1)),
             "base_color": np.median(base, axis=0).tolist() if len(base) else None,

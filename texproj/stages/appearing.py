@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from texproj.errors import InputError
 from texproj.files import staging
 from texproj.options import ColorOptions, OutputOptions
 from texproj.project import Project
+from texproj.resources.scratch import Scratch
 from texproj.stages.bench import Workbench
 from texproj.stages.coloring import (
     changed_outputs,
@@ -155,7 +157,8 @@ def appearance_project(
 
     check_light(project)
     cameras, failed = usable_cameras(project)
-    keep_occluders(bench, cameras, progress)
+    with closing(Scratch()) as scratch:
+        keep_occluders(bench, cameras, progress, scratch)
     inputs = _inputs(project, to)
     measured = [project.photo_info(name).up_in_cam for name in cameras]
     plan = output_plan(*_wanted(project), tuple(cameras.values()), measured)

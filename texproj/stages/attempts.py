@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from texproj.errors import InputError
 from texproj.records import PROOF, CameraRecord, Fit, Status
 from texproj.stages.attending import PhotoFaultError, attended
-from texproj.stages.bench import Workbench
+from texproj.stages.bench import Crew, Workbench
 from texproj.stages.lineage import FAULT
 from texproj.stages.methods import METHODS, Job, Search, believed, search_as_asked
 from texproj.stages.outcomes import (
@@ -57,12 +57,16 @@ def by_agreement(
 
 
 def judged(
-    bench: Workbench, registered: Mapping[str, CameraRecord], new: Collection[str]
+    bench: Workbench,
+    registered: Mapping[str, CameraRecord],
+    new: Collection[str],
+    crew: Crew | None,
+    listen: Callable[[], None],
 ) -> Mapping[str, Judgement]:
     """What the registered photos say of those of them that are new."""
     from texproj.stages.judging import judgements  # noqa: PLC0415 - slow to load
 
-    return judgements(bench, registered, new)
+    return judgements(bench, registered, new, crew, listen)
 
 
 def is_new(outcome: PhotoOutcome) -> bool:

@@ -114,15 +114,17 @@ class Workbench:
         if known is not None:
             return known
         values = ambient_occlusion(self.mesh)
-        self.project.save_array(self._occlusion_key, values)
+        self.keep_occlusion(values)
         return values
 
-    def keep_occlusion(self) -> None:
+    def keep_occlusion(self, values: NDArray[np.float32]) -> None:
         """Have ambient occlusion in work/, where other processes find it."""
-        if self.kept_occlusion is None:
-            self.project.save_array(self._occlusion_key, self.occlusion)
-        if self.crew is not None:
-            self.crew.bring(self.project.array_path(self._occlusion_key))
+        self.project.save_array(self._occlusion_key, values)
+
+    @property
+    def occlusion_path(self) -> Path:
+        """Where it is kept."""
+        return self.project.array_path(self._occlusion_key)
 
     @property
     def kept_occlusion(self) -> NDArray[np.float32] | None:

@@ -22,7 +22,7 @@ from texproj.register.block.place import Beforehand
 from texproj.register.block.reconstruction import Reconstruction
 from texproj.register.block.verdict import doubt
 from texproj.register.motion import motion_px
-from texproj.register.proof.judge import judge
+from texproj.register.proof.judge import LooksHere, judge
 from texproj.stages.bench import FEATURES_LONGEST, Workbench
 from texproj.stages.block_fits import (
     STAGE,
@@ -149,7 +149,7 @@ def _agree(bench: Workbench, part: Reconstruction, place: Anchored, through: Seq
     every = range(len(part.names))
     others = [k for k in every if part.names[k] not in through] or every
     try:
-        found = judge(cameras, load, partial(rendered, bench), others)
+        found = judge(cameras, LooksHere(cameras, load, partial(rendered, bench)), others)
     except InputError:  # a photo that cannot be read proves nothing
         return False
     agreeing = sum(bool(ruling.agree) and not ruling.against for ruling in found.values())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -15,6 +16,7 @@ from texproj.formats.cameras import camera_part
 from texproj.photo import Photo
 from texproj.project import Project
 from texproj.records import CameraRecord
+from texproj.resources.scratch import Scratch
 from texproj.stages.attending import INTERNAL, NO_MEMORY, attended
 from texproj.stages.bench import Workbench
 from texproj.stages.checking import checker_of, checker_path
@@ -109,11 +111,13 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
     measured = [project.photo_info(name).up_in_cam for name in cameras]
     wanted = project.settings.color, project.settings.output
     plan = output_plan(*wanted, tuple(cameras.values()), measured)
-    hidden = keep_occluders(bench, cameras, progress)
-    inputs = _inputs(project)
     check_levels(project.settings.color, project.settings.output)
     notes = layout_notes(bench)
-    colors, write = _made(bench, _projected_by_crew(bench, photo_set(project, cameras)), progress)
+    with closing(Scratch()) as scratch:
+        kept = keep_occluders(bench, cameras, progress, scratch)
+        inputs = _inputs(project)
+        photos = replace(photo_set(project, cameras), depths=kept.depths)
+        colors, write = _made(bench, _projected_by_crew(bench, photos), progress)
     failed |= colors.failed
     if not set(cameras) - set(failed):
         raise InputError(f"no photo could be read: {'; '.join(failed.values())}")
@@ -133,7 +137,7 @@ def color_project(bench: Workbench, progress: Progress = silent) -> ColorOutcome
         "used": used,
         "failed": failed,
         "quality": colors.quality,
-        "occluders": hidden,
+        "occluders": kept.hidden,
         "standing": asdict(plan.standing),
         "provenance": dict(made_by.facts),
         "copyright": made_by.copyright,

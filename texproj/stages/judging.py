@@ -4,29 +4,31 @@ the mesh rests on.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from texproj.camera import Camera
+from texproj.errors import InputError
 from texproj.photo import Photo
 from texproj.records import CHOSEN, CameraRecord
 from texproj.register.block.scan_samples import ScanSamples
 from texproj.register.block.slides import WORKING_PX, Slide, slides, untold
 from texproj.register.proof.camps import Ruling
-from texproj.register.proof.judge import judge
+from texproj.register.proof.judge import Looks, LooksHere, judge
 from texproj.render import GBuffer
+from texproj.resources.workers import WorkerLostError
 from texproj.stages.agreeing import can_be_read
-from texproj.stages.attending import PhotoFaultError, attended
-from texproj.stages.bench import Workbench
+from texproj.stages.attending import attended
+from texproj.stages.bench import Crew, Workbench
+from texproj.stages.judging_tasks import LooksByCrew, views_kept
 
 SURE_SUPPORT = 0.33
 """Share of the mesh's edges in place from which on they bear a photo out."""
 ASKED = 4
 """Photos in which the mesh's edges are sought after it was slid along itself."""
-CHANNELS = ("depth", "normal")
 MOST_NAMED = 3
 
 
@@ -42,28 +44,52 @@ class Judgement:
 
 
 def judgements(
-    bench: Workbench, registered: Mapping[str, CameraRecord], new: Collection[str]
+    bench: Workbench,
+    registered: Mapping[str, CameraRecord],
+    new: Collection[str],
+    crew: Crew | None,
+    listen: Callable[[], None],
 ) -> dict[str, Judgement]:
-    """What the registered photos say of those of them that are `new`."""
-    names = [n for n in registered if can_be_read(bench, n)]
+    """What the registered photos say of those of them that are `new`, which were read just now.
+    crew: who looks at the photos, this process alone where it is None; listen: called several times
+    a second meanwhile; it may raise to stop the work.
+    """
+    names = [n for n in registered if n in new or can_be_read(bench, n)]
     if not {*names} & {*new}:
         return {}
+    sure = [k for k, name in enumerate(names) if _by_edges(registered[name]) >= SURE_SUPPORT]
+    asked = [k for k, name in enumerate(names) if name in new]
     cameras = [_camera(registered[name]) for name in names]
 
+    def judged(looks: Looks) -> dict[int, Ruling]:
+        return judge(cameras, looks, asked, sure)
+
+    def told() -> dict[int, Ruling]:
+        if crew is None:
+            return judged(_looks_here(bench, names, cameras))
+        try:
+            with views_kept(bench.project) as folder:
+                return judged(LooksByCrew(crew, names, cameras, asked, folder, listen))
+        except WorkerLostError:
+            if crew is bench.crew:  # several workers have ended at it: so would this one
+                raise MemoryError from None
+            return judged(_looks_here(bench, names, cameras))
+
+    try:
+        found = attended("all photos", told)
+    except InputError:  # the log has it; a camera is not refused for that
+        return {}
+    return {names[k]: _judgement(registered[names[k]], one, names) for k, one in found.items()}
+
+
+def _looks_here(bench: Workbench, names: Sequence[str], cameras: Sequence[Camera]) -> LooksHere:
     def load(number: int, longest: int) -> Photo:
         return bench.project.load_photo(names[number], longest)
 
     def render(camera: Camera) -> GBuffer:
-        return bench.plain_scene.gbuffer(camera, CHANNELS)
+        return bench.plain_scene.gbuffer(camera, ("depth",))
 
-    sure = [k for k, name in enumerate(names) if _by_edges(registered[name]) >= SURE_SUPPORT]
-    asked = [k for k, name in enumerate(names) if name in new]
-    told = {k: Ruling() for k in asked}
-    try:
-        told |= attended("all photos", lambda: judge(cameras, load, render, asked, sure))
-    except PhotoFaultError:  # the log has it; a camera is not refused for that
-        return {}
-    return {names[k]: _judgement(registered[names[k]], ruling, names) for k, ruling in told.items()}
+    return LooksHere(cameras, load, render)
 
 
 def rests_on(bench: Workbench, registered: Mapping[str, CameraRecord]) -> str:
@@ -71,8 +97,8 @@ def rests_on(bench: Workbench, registered: Mapping[str, CameraRecord]) -> str:
     do not tell; empty where it is told.
     """
     motions = mesh_slides(bench)
-    names = [n for n in registered if can_be_read(bench, n)]
-    if not motions or not names:
+    names = [n for n in registered if can_be_read(bench, n)] if motions else []
+    if not names:
         return ""
     few = [names[k] for k in np.unique(np.linspace(0, len(names) - 1, ASKED).astype(int))]
     photos = [bench.project.load_photo(name, WORKING_PX) for name in few]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from texproj.camera import Camera
 from texproj.errors import OutputError
@@ -12,11 +13,16 @@ from texproj.files import json_hash, write_atomically
 from texproj.photo import Photo
 from texproj.project import Project
 from texproj.records import CameraRecord
+from texproj.resources.scratch import Scratch
 from texproj.stages.attending import attended
 from texproj.stages.bench import Workbench
 from texproj.stages.entries import camera_hash
 from texproj.stages.freshness import Inputs, file_inputs, options_inputs
 from texproj.stages.progress import Progress
+
+if TYPE_CHECKING:
+    from texproj.color.sampling.depth_images import DepthImages
+    from texproj.color.sampling.photo_set import PhotoSet
 
 STAGE = "occluders"
 VERSION = 1
@@ -36,30 +42,43 @@ def occluders_sought(project: Project) -> bool:
     return settings.color.occluders and settings.light.kind not in MOVING_LIGHT
 
 
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """hidden: for each photo that has an occluder: share, hidden part of what the photo would show
+    of the mesh; mask: its file; edited: whether somebody has changed that file since. depths: what
+    all cameras see of the mesh, None where it was not needed.
+    """
+
+    hidden: dict[str, Any]
+    depths: DepthImages | None = None
+
+
 def keep_occluders(
-    bench: Workbench, cameras: Mapping[str, Camera], progress: Progress
-) -> dict[str, Any]:
-    """Find the occluders and write their masks, unless they are known; for each photo that has
-    one: share, hidden part of what the photo would show of the mesh; mask: its file; edited:
-    whether somebody has changed that file since. A mask that was changed is never written over.
+    bench: Workbench, cameras: Mapping[str, Camera], progress: Progress, scratch: Scratch
+) -> Kept:
+    """Find the occluders and write their masks, unless they are known. A mask that was changed is
+    never written over. Depth images are rendered into `scratch`.
 
     Raises OutputError.
     """
     project = bench.project
     if not occluders_sought(project):
-        return {}
+        return Kept({})
     _check_places(project, cameras)
-    record = project.load_record(STAGE) or {}
+    record, depths = project.load_record(STAGE) or {}, None
     inputs = _inputs(project, cameras)
     if record.get("inputs") != inputs:
-        record = _sought(bench, cameras, inputs, record.get("written", {}), progress)
+        photos = _reduced(bench, cameras, scratch)
+        depths = photos.depths
+        record = _sought(bench, photos, inputs, record.get("written", {}), progress)
         project.save_record(STAGE, None, record)
-    return {
+    hidden = {
         name: {**told, "mask": str(path.relative_to(project.root)), "edited": known != written}
         for name, told in record["found"].items()
         if (path := project.occluder_path(name)).is_file()
         for known, written in [(project.hash_of(path), record["written"].get(name))]
     }
+    return Kept(hidden, depths)
 
 
 def occluder_inputs(project: Project, name: str) -> Inputs:
@@ -85,9 +104,20 @@ def _known(record: CameraRecord) -> list[Any]:
     return [record.file, camera_hash(record)]
 
 
+def _reduced(bench: Workbench, cameras: Mapping[str, Camera], scratch: Scratch) -> PhotoSet:
+    """The photos, read small, with what they see of the mesh."""
+    from texproj.color.sampling.photo_set import PhotoSet  # noqa: PLC0415 - slow to load
+
+    def read(name: str) -> Photo:
+        return attended(name, partial(bench.project.load_photo, name, READ_PX))
+
+    photos = PhotoSet(tuple(cameras), tuple(cameras.values()), read)
+    return photos.seen_on(bench.mesh, bench.renderer, scratch)
+
+
 def _sought(
     bench: Workbench,
-    cameras: Mapping[str, Camera],
+    photos: PhotoSet,
     inputs: Inputs,
     written: Mapping[str, str],
     progress: Progress,
@@ -96,20 +126,15 @@ def _sought(
     import cv2  # noqa: PLC0415 - slow to load
 
     from texproj.color.occluders.in_front import find_occluders  # noqa: PLC0415
-    from texproj.color.sampling.photo_set import PhotoSet  # noqa: PLC0415
 
     project = bench.project
-
-    def read(name: str) -> Photo:
-        return attended(name, partial(project.load_photo, name, READ_PX))
 
     def tell(done: int, total: int) -> None:
         progress(STAGE, done, total, "")
 
-    photos = PhotoSet(tuple(cameras), tuple(cameras.values()), read)
     found = find_occluders(bench.mesh, photos, bench.renderer, tell)
     hashes = {}
-    for name in cameras:
+    for name in photos.names:
         path, known = project.occluder_path(name), written.get(name)
         if path.is_file() and project.hash_of(path) != known:
             continue  # somebody's own

@@ -31,6 +31,7 @@ from texproj.stages.methods import (
 from texproj.stages.outcomes import PhotoOutcome
 from texproj.stages.partners import companions, compare_looks, load_graph
 from texproj.stages.progress import Progress, silent
+from texproj.stages.sites import Hands
 from texproj.stages.surroundings import Surroundings
 from texproj.stages.traces import STAGE, Trace
 from texproj.stages.wave import Evidence, Wave
@@ -40,6 +41,9 @@ STANDS_APART = (
     "shows nothing that the registered photos show; leave it out (`exclude`) or pick 8 points"
 )
 TOO_FEW = "a block needs three photos or more that overlap"
+COMPARING = "comparing the photos on the surface"
+LOOKS_PER_SEARCH = 4
+"""Photos that are judged in the time in which one is searched."""
 
 
 def register_photos(
@@ -58,8 +62,9 @@ def register_photos(
     with Keeper(project) as keeper:
         run = _Run(bench, chosen, keeper, progress)
         run.keep()
-        run.attend_alone()
-        run.judge()
+        with Hands(bench) as hands:
+            run.attend_alone(hands)
+            run.judge(hands)
         if run.asked == AUTO:
             run.keep_what_holds_again()
             if not run.registered:
@@ -74,9 +79,10 @@ def register_photos(
         more = run.asked == AUTO and run.registered and run.attend_by_agreement()
         if more or (run.asked == AUTO and run.attend_together(run.newly_failed, run.registered)):
             run.attend_through_others()
-        if run.judge() and run.asked in (AUTO, "features"):
-            run.attend_through_others()
-            run.judge()
+        with Hands(bench) as hands:
+            if run.judge(hands) and run.asked in (AUTO, "features"):
+                run.attend_through_others()
+                run.judge(hands)
         run.tell_what_it_rests_on()
     progress(STAGE, len(chosen), len(chosen), "")
     project.save_hashes()
@@ -88,7 +94,8 @@ class _Run:
 
     waiting: those without an outcome; own: what came of what was tried before others were asked;
     places: the photos from whose place each was tried already; faulty: those that met a fault,
-    alone or in a block; notes: what the others say of each; compared_looks: those of all are known.
+    alone or in a block; notes: what the others say of each; compared_looks: those of all are known;
+    judged_by: the registered cameras by which the new ones were judged last.
     """
 
     def __init__(
@@ -111,6 +118,7 @@ class _Run:
         self.faulty: set[str] = set()
         self.notes: dict[str, str] = {}
         self.compared_looks = False
+        self.judged_by: Evidence = frozenset()
 
     # --- what is known
 
@@ -229,11 +237,15 @@ class _Run:
         """The photos that were registered in this run, or in one that was interrupted."""
         return tuple(n for n, o in self.outcomes.items() if attempts.is_new(o) and self.traces[n])
 
-    def judge(self) -> bool:
+    def judge(self, hands: Hands) -> bool:
         """Refuse the new photos that others contradict; returns whether there was one."""
-        if not self.new or len(self.registered) < 2:
+        shown = frozenset((name, self.cameras[name]) for name in self.registered)
+        if not self.new or len(shown) < 2 or shown == self.judged_by:
             return False
-        found = attempts.judged(self.bench, self.registered, self.new)
+        self.judged_by = shown
+        crew = hands.crew_for(len(self.new) // LOOKS_PER_SEARCH)
+        listen = partial(self.tell, COMPARING)
+        found = attempts.judged(self.bench, self.registered, self.new, crew, listen)
         for name, told in found.items():
             if told.refusal:
                 tried = trace.tried if (trace := self.traces[name]) else ()
@@ -262,7 +274,7 @@ class _Run:
         self.outcomes[name] = replace(self.outcomes[name], record=record, reason=reason)
         self.keeper.add(record, trace)
 
-    def attend_alone(self) -> None:
+    def attend_alone(self, hands: Hands) -> None:
         """Photo by photo, by the method that was asked for or by the photo's own means."""
         if self.asked in ("features", "block"):
             return
@@ -271,9 +283,9 @@ class _Run:
         names = [n for n in waiting if not auto or (not self.through(n) and self.job(n).has_means)]
         jobs = [job for job in map(self.job, names) if is_slow(job, self.asked)]
         search = partial(search_alone, method=self.asked)
-        with searched_beside(self.bench, jobs, search, self.tell) as found:
-            for name in names:
-                self.own[name] = self.attend(name, found)
+        found = searched_beside(self.bench, hands, jobs, search, self.tell)
+        for name in names:
+            self.own[name] = self.attend(name, found)
 
     def attend_through_others(self) -> None:
         """What the photos that are registered show of others, and those of others again."""

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from types import TracebackType
 from typing import Any, TypeVar
 
 from texproj.errors import InputError
@@ -99,20 +100,37 @@ def _crew_of_copies(cluster: Cluster, site: Site) -> SiteCrew:
     return SiteCrew(cluster, site, copies)
 
 
-@contextmanager
-def crew_for(bench: Workbench, tasks: int) -> Iterator[Crew | None]:
-    """Whoever does so many tasks of a project that take seconds each: the cluster that was asked
-    for, or processes of this machine where that is faster, or None: this process alone.
+class Hands:
+    """Whoever works beside this process: the cluster that was asked for, or else processes of this
+    machine, which are begun when they are first worth it. A context manager that ends them.
     """
-    if bench.crew is not None:
-        yield bench.crew
-        return
-    count = min(tasks, processes_here(len(bench.mesh.faces))) if tasks >= FEWEST else 1
-    if count < 2:
-        yield None
-        return
-    with processes(count) as workers:
-        yield SiteCrew(workers, Site.of(bench.project))
+
+    def __init__(self, bench: Workbench) -> None:
+        self._bench = bench
+        self._open = ExitStack()
+        self._here: Crew | None = None
+
+    def __enter__(self) -> Hands:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._open.__exit__(kind, error, trace)
+
+    def crew_for(self, tasks: int) -> Crew | None:
+        """Who does so many tasks that take seconds each; None: this process alone."""
+        if self._bench.crew is not None:
+            return self._bench.crew
+        if self._here is None and tasks >= FEWEST:
+            count = min(tasks, processes_here(len(self._bench.mesh.faces)))
+            if count > 1:
+                workers = self._open.enter_context(processes(count))
+                self._here = SiteCrew(workers, Site.of(self._bench.project))
+        return self._here
 
 
 # --- in a worker

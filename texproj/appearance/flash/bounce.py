@@ -38,8 +38,8 @@ class Nodes:
 
 @dataclass(frozen=True, eq=False)
 class Hits:
-    """Rays from nodes that meet the surface: node (h,), the node that stands for what they meet
-    (h,), where (h, 3) and the direction (h, 3) back to the node.
+    """Rays from points that meet the surface: node (h,) they come from, the node that stands for
+    what they meet (h,), where (h, 3), the direction (h, 3) back, and the normal (h, 3) there.
     """
 
     node: Index
@@ -49,10 +49,13 @@ class Hits:
     normal: Floats
 
 
-def surface_hits(shadows: LampShadows, surfels: Surfel) -> Hits:
-    """What cosine-distributed rays from points meet."""
+def surface_hits(shadows: LampShadows, surfels: Surfel, nodes: Surfel | None = None) -> Hits:
+    """What cosine-distributed rays from points meet, and the nodes that stand for it: the points
+    themselves by default.
+    """
+    nodes = surfels if nodes is None else nodes
     shifts = np.random.default_rng(0).random((len(surfels.xyz), 2), np.float32)
-    tree = cKDTree(surfels.xyz)
+    tree = cKDTree(nodes.xyz)
     parts = []
     step = max(1, CHUNK // RAYS)
     for start in range(0, len(surfels.xyz), step):
@@ -66,9 +69,9 @@ def surface_hits(shadows: LampShadows, surfels: Surfel) -> Hits:
         parts.append((start + rows // RAYS, where, -directions[rows]))
     node, where, back = (np.concatenate(x) for x in zip(*parts, strict=True))
     met = tree.query(where, workers=-1)[1] if len(where) else np.zeros(0, np.intp)
-    front = dots(surfels.normal[met], back) > 0.05
+    front = dots(nodes.normal[met], back) > 0.05
     node, met, where, back = node[front], met[front], where[front], back[front]
-    return Hits(node, met, where, back, surfels.normal[met])
+    return Hits(node, met, where, back, nodes.normal[met])
 
 
 def bounced(

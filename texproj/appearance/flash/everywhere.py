@@ -201,7 +201,7 @@ class _Mirrors:
     def __init__(self, found: Found, metal: Any) -> None:
         lit = found.seen.nearest_highlight() >= HIGHLIGHT
         rows = np.flatnonzero(lit & metal[found.label] & (found.seen.number >= 3))
-        self._color, self._diagonal = found.fit.color[rows], found.diagonal
+        self._color, self._diagonal = found.flat_color[rows], found.diagonal
         self._place = MIRRORED * found.diagonal
         self._matte = fit_lambert(found.seen).color
         self._places, self._count = cKDTree(found.surfels.xyz[rows]), min(MIRRORS, len(rows))

@@ -178,7 +178,7 @@ class _Made:
         """The same, of the texel's own material where enough photos see it: borders are sharp."""
         out = self._between(number, self._corners)
         known = told.number >= ENOUGH
-        kinds = np.array([(kind.roughness, kind.metal) for kind in found.kinds], np.float32)
+        kinds = np.array([(x.roughness, x.material.metal) for x in found.materials], np.float32)
         out[known, 1:] = kinds[told.label[known]]
         return out
 

@@ -22,8 +22,14 @@ from texproj.appearance.flash.few_views import ENOUGH
 from texproj.appearance.flash.head_on import Witnesses
 from texproj.appearance.flash.lamp import Lamp
 from texproj.appearance.flash.materials import base_materials
-from texproj.appearance.flash.observations import Flashes, LampShadows, Observations, Surfel
-from texproj.appearance.flash.pooled import Pooled, pooled
+from texproj.appearance.flash.observations import (
+    Flashes,
+    LampShadows,
+    Observations,
+    Surfel,
+    dots,
+)
+from texproj.appearance.flash.pooled import Pooled, flattened, pooled
 from texproj.appearance.flash.reflection import CANDIDATES, Material
 from texproj.appearance.flash.voting import Voters, near_neighbors, settled, smoothed
 from texproj.appearance.light_fit import MEAN_ALBEDO
@@ -86,6 +92,12 @@ class Found:
     @property
     def kinds(self) -> list[Material]:
         return [one.material for one in self.materials]
+
+    @cached_property
+    def flat_color(self) -> Floats:
+        """(n, 3) of the points by the materials as they are where the surface is flat."""
+        flat = [replace(one.material, roughness=one.roughness) for one in self.materials]
+        return fit_each(self.seen, flat, self.label).color
 
     @cached_property
     def witnesses(self) -> Witnesses | None:
@@ -206,7 +218,9 @@ def find_materials(
 
 def completed(found: Found, seen: Observations) -> Found:
     """The same with the observations of all photos, those that were held out of the search too:
-    each flash's output by what is predicted of it, the materials as they are.
+    each flash's output by what is predicted of it, the materials as they look there, and their
+    roughness where the surface is flat: where it bends normals are off, and light comes from
+    around, so that mirrors look rougher.
 
     seen: all observations of the same points, as given to `find_materials`.
     """
@@ -222,9 +236,14 @@ def completed(found: Found, seen: Observations) -> Found:
     told = predicted(*labelled_terms(seen, found.kinds, found.label), seen, found.fit.color)
     gain = photo_gains(seen, told, len(found.flashes.cameras))
     gain[np.unique(found.seen.photo)] = 1
+    seen = seen.scaled(gain[seen.photo])
+    normal = found.surfels.normal
+    clear = dots(normal, found.neighbors @ normal).clip(0, 1)
+    clear += seen.nearest_highlight() >= HIGHLIGHT
     return replace(
         found,
-        seen=seen.scaled(gain[seen.photo]),
+        materials=tuple(flattened(seen, found.label, found.materials, clear)),
+        seen=seen,
         field=BounceField(found.surfels, around * gain[:, None]),
         flashes=found.flashes.with_gain(found.flashes.gain * gain),
     )

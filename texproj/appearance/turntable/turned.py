@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from texproj.appearance.flash.bounce import BounceField
 from texproj.appearance.flash.sampled import shadows_of, spread_vertices
 from texproj.appearance.harmonics import OPEN_GAINS, basis
 from texproj.appearance.light_fit import GLOSS, MEAN_ALBEDO
@@ -85,15 +84,15 @@ class Blended:
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """A light: its fit with lamps, what it was fitted to, and the light from around at the nodes
-    (n, p, 3) (None: none yet); gain: (p,) exposures.
+    """A light: its fit with lamps, what it was fitted to, and what the nodes send in each photo
+    (n, p, 3); gain: (p,) exposures.
     """
 
     fit: RoomFit
     lamps: list[RoomLamp]
     lit: Lit
     gain: Floats
-    around: Floats
+    sent: Floats
 
 
 def turntable_appearance(
@@ -148,7 +147,8 @@ class _Surface:
         self._blend, self._readings, self._light = blend, readings, light
         self._caster = LightCaster(mesh, blend.rgb)
         area = np.square(readings.points.owners.spacing.astype(np.float64))
-        self.chosen: Index = spread_vertices(area, blend.seen, FITTED)
+        chosen = spread_vertices(area, blend.seen, FITTED)
+        self.chosen: Index = chosen[readings.of_vertices(chosen).number > 0]
 
     def found(self, unsaid: bool) -> tuple[_Found, RoomVerdict]:
         """The light by the chosen points, judged by photos that were held out, then by all. unsaid:
@@ -166,24 +166,24 @@ class _Surface:
             surfels, seen, _turned(sky, seen, room),
             transfer.indirect[seen.point].astype(np.float64), np.zeros((len(seen.point), 0)),
         )  # fmt: skip
-        nodes = AroundNodes(self._light, surfels, sky)
+        self._nodes = nodes = AroundNodes(self._light, surfels, sky)
         held = held_out(len(room.harmonics))
         train = ~held[seen.photo]
         part = lit.kept(train)
         fit, gain = part.fit(), np.ones(len(held), np.float32)
-        around = np.zeros((len(chosen), len(held), 3), np.float32)
+        sent = np.zeros((len(chosen), len(held), 3), np.float32)
         early = judged(seen, fit.irradiance(lit.columns, lit.around), held, least_db)
         if unsaid and not early.accepted:
-            return _Found(fit, [], lit, gain, around), early
+            return _Found(fit, [], lit, gain, sent), early
         lamps, _, fit = find_lamps(self._light, part, fit)
         for lamp in lamps:
             lit = lit.with_lamp(self._light, lamp)
         for _ in range(ROUNDS):
-            lit, gain, around = self._closer(lit, fit, lamps, nodes, gain)
+            lit, gain, sent = self._closer(lit, fit, lamps, nodes, gain)
             fit = lit.kept(train).fit(fit.light)
         verdict = judged(lit.seen, fit.irradiance(lit.columns, lit.around), held, least_db)
         fit = lit.fit(fit.light)
-        return _Found(fit, lamps, lit, gain, around), verdict
+        return _Found(fit, lamps, lit, gain, sent), verdict
 
     def _closer(
         self, lit: Lit, fit: RoomFit, lamps: list[RoomLamp], nodes: AroundNodes, gain: Floats
@@ -192,9 +192,9 @@ class _Surface:
         irradiance = fit.irradiance(lit.columns, lit.around)
         more = exposures(lit.seen, irradiance, len(gain))
         seen = lit.seen.scaled(more)
-        around = nodes.around(albedo_of(seen, irradiance), fit.light, lamps)
-        arriving = around[seen.point, seen.photo].astype(np.float64)
-        return replace(lit, seen=seen, around=arriving), gain * more, around
+        sent = nodes.sent(albedo_of(seen, irradiance), fit.light, lamps)
+        arriving = nodes.arriving(sent, seen.point, seen.photo)
+        return replace(lit, seen=seen, around=arriving), gain * more, sent
 
     def everywhere(
         self, found: _Found, progress: Callable[[int], None]
@@ -202,7 +202,6 @@ class _Surface:
         """(V, 3) base colors, (V, 3) what is reflected, (V,) confidence of all vertices, and the
         scale (3,) by which albedos in the fit's unit become reflectances.
         """
-        field = BounceField(found.lit.surfels, found.around)
         scale = self._scale(found)
         count = len(self._blend.rgb)
         reflected = np.zeros((count, 3), np.float32)
@@ -211,19 +210,17 @@ class _Surface:
             for piece in self._readings.store.pieces(chunk):
                 rows, seen = self._readings.of_chunk(chunk, piece)
                 seen = self._in_chart(seen).scaled(found.gain)
-                irradiance = self._irradiance(found, field, rows, seen)
+                irradiance = self._irradiance(found, rows, seen)
                 albedo = albedo_of(seen, irradiance)
                 reflected[rows] = albedo * scale
                 sure[rows] = _confidence(seen, irradiance, albedo)
                 progress(rows.stop)
         return base_color(reflected, self._blend.gloss), reflected, sure, scale
 
-    def _irradiance(
-        self, found: _Found, field: BounceField, rows: slice, seen: Sightings
-    ) -> Doubles:
+    def _irradiance(self, found: _Found, rows: slice, seen: Sightings) -> Doubles:
         surfels = self._readings.surfel(rows)
         sky = self._caster.transfer(np.arange(rows.start, rows.stop)).sky.astype(np.float64)
-        around = field.at(surfels, seen.point, seen.photo).astype(np.float64)
+        around = self._nodes.arriving_at(surfels, found.sent, seen.point, seen.photo)
         lit = Lit(
             surfels, seen, _turned(sky, seen, self._light.room), around,
             np.zeros((len(seen.point), 0)),

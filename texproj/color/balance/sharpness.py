@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from texproj.arrays import Floats
 from texproj.camera import Camera
 from texproj.color.points.source import Chunk, Owners, PointSource, spread_points
-from texproj.color.sampling.pixel_lookup import read_colors
+from texproj.color.sampling.pixel_lookup import depth_pixels, photo_pixels, read_colors
 from texproj.color.sampling.sample import project
 from texproj.color.sampling.view import WHITE, PhotoView
 from texproj.color.weights.surface import SurfaceView, facing, resolution
@@ -143,8 +143,8 @@ class DetailMeter:
         rows: Floats = places.center[seen, None] + spacing * step * down[:, None]
         xyz = rows[:, :, None] + (spacing * step * right[:, None])[:, None]
         many = Chunk(xyz.reshape(-1, 3), np.repeat(owner, SIDE * SIDE))
-        xy_px = project(many, np.ones(len(many), np.float32), surface, view)
-        level = surface.level[many.owner] if surface.level.any() else None
+        xy_px = photo_pixels(depth_pixels(many.xyz, surface.origin, view.depth_camera)[0], view)
+        level = None if surface.level is None else surface.level[many.owner]
         gray = cv2.transform(read_colors(view, xy_px, level), GRAY).reshape(-1)[: len(many)]
         return (gray * np.float32(1 / WHITE)).reshape(-1, SIDE, SIDE)
 

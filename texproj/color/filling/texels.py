@@ -37,8 +37,8 @@ that faces larger than texels leave no step."""
 
 BESIDE, ELSEWHERE = FADE + 1, FADE + 2
 
-STRIP = 512
-"""Rows of a page that are looked at at once."""
+SQUARE = 512
+"""Edge of the part of a page that is looked at at once; most have nothing unseen."""
 
 
 def fill_unseen(
@@ -123,22 +123,28 @@ def from_unseen(count: NDArray[np.uint8], inside: NDArray[np.bool_]) -> NDArray[
     around = np.ones((2 * RING + 1,) * 2, np.uint8)
 
     def one(number: int) -> None:
-        first, last = number * STRIP, min((number + 1) * STRIP, len(count))
-        rows = slice(max(first - margin, 0), last + margin)
-        unseen = (inside[rows] & (count[rows] == 0)).view(np.uint8)
+        own = squares[number]
+        wider = tuple(slice(max(s.start - margin, 0), s.stop + margin) for s in own)
+        unseen = (inside[wider] & (count[wider] == 0)).view(np.uint8)
         if not unseen.any():
             return
-        own = slice(first - rows.start, last - rows.start)
-        part, on_chart = out[first:last], inside[first:last]
-        part[(cv2.dilate(unseen, around)[own] > 0) & on_chart] = BESIDE
+        row, column = (s.start - w.start for s, w in zip(own, wider, strict=True))
+        part, on_chart = out[own], inside[own]
+        here = slice(row, row + part.shape[0]), slice(column, column + part.shape[1])
+        part[(cv2.dilate(unseen, around)[here] > 0) & on_chart] = BESIDE
         wide = cv2.morphologyEx(unseen, cv2.MORPH_OPEN, kernel)
         if wide.any():
-            far = np.ceil(cv2.distanceTransform(1 - wide, cv2.DIST_L2, 3)[own])
+            far = np.ceil(cv2.distanceTransform(1 - wide, cv2.DIST_L2, 3)[here])
             near = (far <= FADE) & on_chart
             part[near] = far[near]
-        part[unseen[own] > 0] = 0
+        part[unseen[here] > 0] = 0
 
-    in_parallel(one, range(-(-len(count) // STRIP)))
+    squares = [
+        (slice(y, y + SQUARE), slice(x, x + SQUARE))
+        for y in range(0, count.shape[0], SQUARE)
+        for x in range(0, count.shape[1], SQUARE)
+    ]
+    in_parallel(one, range(len(squares)))
     return out
 
 

@@ -6,10 +6,12 @@ from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from texproj.arrays import Bytes
-from texproj.camera import Camera
+from texproj.arrays import Bytes, Floats
+from texproj.camera import Camera, Intrinsics
 from texproj.color.balance.photometry import solve_photometry
 from texproj.color.balance.shared_points import PointObserver, SharedPoints
 from texproj.color.occluders.cutout import Told, cut_out
@@ -17,13 +19,16 @@ from texproj.color.occluders.evidence import WITNESSES, Evidence, SurfacePoints,
 from texproj.color.sampling.gather import Progress, counting
 from texproj.color.sampling.part import Unusable
 from texproj.color.sampling.photo_set import PhotoSet
-from texproj.color.sampling.prepare import view_of
+from texproj.color.sampling.prepare import DEPTH_SCALE, view_of
 from texproj.color.weights.surface import surface_view
 from texproj.mesh import Mesh
+from texproj.opencv import opencv_places
 from texproj.options import ColorOptions
 from texproj.photo import Photo
-from texproj.render import Renderer
+from texproj.render import Renderer, ideal_grid
 from texproj.resources.scratch import Scratch
+
+Bools = NDArray[np.bool_]
 
 LONGEST = 640
 """Longer side, pixels, to which photos are reduced: fine enough for an outline, and a registration
@@ -53,31 +58,52 @@ def find_occluders(
 ) -> dict[str, Occluder]:
     """The occluders by the names of their photos; photos without one are not in it.
 
-    photos: may be read reduced, to `LONGEST` or more; each is read once. At least three photos must
-    show a place for it to be judged.
+    photos: may be read reduced, to `LONGEST` or more; each is read once. Their depth images are
+    rendered where they are not known. At least three photos must show a place for it to be judged.
     """
-    cameras = tuple(camera.reduced(LONGEST) for camera in photos.cameras)
-    if len(cameras) <= WITNESSES:
+    if len(photos) <= WITNESSES:
         return {}
-    with renderer.load(mesh) as scene, closing(Scratch()) as scratch:
-        small = replace(photos, cameras=cameras).rendered(scene, scratch)
+    with closing(Scratch()) as scratch:
+        photos = photos.seen_on(mesh, renderer, scratch)
         pictures = _Pictures(scratch)
-        shared, said = _compared(mesh, small, pictures, counting(progress, len(small)))
+        shared, said = _compared(mesh, photos, pictures, counting(progress, len(photos)))
         found = {}
-        for number, name in enumerate(small.names):
+        for number, name in enumerate(photos.names):
             rows = said.rows(number)
             judged = rows.start + np.flatnonzero(said.against[rows] | said.for_[rows])
             told = Told(shared.xy_px[judged], said.against[judged], said.ratio[judged])
             if not told.enough:
                 continue
             picture = pictures.read(number)
-            camera = small.cameras[number].resized(*picture.shape[1::-1])
-            on_mesh = np.isfinite(scene.gbuffer(camera, ("depth",)).require("depth"))
+            camera = photos.cameras[number].resized(*picture.shape[1::-1])
+            on_mesh = shown(camera, *photos.depth_image(number))
             hidden = cut_out(picture, on_mesh, told)
             if hidden is not None:
                 share = float((hidden & on_mesh).sum() / on_mesh.sum())
                 found[name] = Occluder(np.where(hidden, 0, 255).astype(np.uint8), share)
         return found
+
+
+def shown(camera: Camera, depth_camera: Camera, depth: Floats) -> Bools:
+    """(h, w) where a camera shows the mesh, by the depth image of a pinhole camera in its place."""
+    d = depth_camera.intrinsics
+    at = opencv_places(ideal_grid(camera.intrinsics) * (d.fx, d.fy) + (d.cx, d.cy))
+    return np.isfinite(cv2.remap(depth, at, None, cv2.INTER_NEAREST, borderValue=np.inf))
+
+
+def sparse(depth_camera: Camera, depth: Floats) -> tuple[Camera, Floats]:
+    """Every n-th pixel of a depth image across and down, so that as many are left as `LONGEST`
+    asks for, and the camera that sees them.
+    """
+    step = max(int(max(depth.shape) / (DEPTH_SCALE * LONGEST)), 1)
+    first = step // 2
+    part, d = np.ascontiguousarray(depth[first::step, first::step]), depth_camera.intrinsics
+    off = first + 0.5 - step / 2
+    k = Intrinsics(
+        part.shape[1], part.shape[0], d.fx / step, d.fy / step,
+        (d.cx - off) / step, (d.cy - off) / step,
+    )  # fmt: skip
+    return replace(depth_camera, intrinsics=k), part
 
 
 class _Pictures:
@@ -106,14 +132,15 @@ def _compared(
     keeps those that could be read.
     """
     count = min(max(FEWEST_POINTS, POINTS_PER_PHOTO * len(photos)), MOST_POINTS)
-    points = SurfacePoints.of(mesh, _pixel(mesh, photos.cameras), count)
+    cameras = tuple(camera.reduced(LONGEST) for camera in photos.cameras)
+    points = SurfacePoints.of(mesh, _pixel(mesh, cameras), count)
     observer = PointObserver(points, len(photos), count=count)
     for number in range(len(photos)):
         photo = _reduced(photos, number)
         if photo is not None:
             pictures.keep(number, photo)
-            depth_camera, depth = photos.depth_image(number)
-            view = view_of(photo, photos.cameras[number], depth_camera, depth, LOOK)
+            depth_camera, depth = sparse(*photos.depth_image(number))
+            view = view_of(photo, cameras[number], depth_camera, depth, LOOK)
             levels = len(view.levels)
             surface = surface_view(points.owners, view.camera, depth_camera, levels, LOOK)
             observer.add(number, surface, view)

@@ -76,8 +76,7 @@ def color_patches(
     options, patch, steps = settings.color, settings.patch, 2 * len(photos)
     return_freed_memory()
     with opencv_in_one_thread(), closing(Scratch()) as scratch:
-        with renderer.load(mesh) as scene:
-            photos = photos.rendered(scene, scratch)
+        photos = photos.seen_on(mesh, renderer, scratch)
         seen = _evidence(mesh, photos, settings, scratch, counting(progress, steps))
         absolute, charted = absolute_matrix(checker, photos.names, seen.shared, seen.light)
         trim()

@@ -13,9 +13,10 @@ from texproj.color.sampling.part import Elsewhere, Unusable
 from texproj.color.sampling.prepare import view_of
 from texproj.color.sampling.view import PhotoView
 from texproj.errors import InputError
+from texproj.mesh import Mesh
 from texproj.options import ColorOptions
 from texproj.photo import Photo
-from texproj.render import Scene
+from texproj.render import Renderer, Scene
 from texproj.resources.scratch import Scratch
 from texproj.resources.threads import ahead
 
@@ -47,6 +48,15 @@ class PhotoSet:
     def rendered(self, scene: Scene, scratch: Scratch) -> PhotoSet:
         """The same with the depth images of all cameras, kept in `scratch`."""
         return replace(self, depths=DepthImages.of(self.cameras, scene, scratch))
+
+    def seen_on(self, mesh: Mesh, renderer: Renderer, scratch: Scratch) -> PhotoSet:
+        """The same with the depth images of all cameras: those that are known, or rendered now into
+        `scratch`. Nothing of the scene stays in memory.
+        """
+        if self.depths is not None:
+            return self
+        with renderer.load(mesh) as scene:
+            return self.rendered(scene, scratch)
 
     def depth_image(self, number: int) -> tuple[Camera, Floats]:
         """The pinhole camera and the (h, w) depth image of a photo. Raises ValueError where nothing

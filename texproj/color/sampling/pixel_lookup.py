@@ -21,6 +21,9 @@ Colors = NDArray[np.uint16]
 ROW = 256
 """Lookups are arranged in rows of this many, since OpenCV takes at most 32767 columns."""
 
+TO_NODE = (1 / LENS_CELL,) * 2, (0.5 + 0.5 / LENS_CELL,) * 2
+"""Scale and offset from the depth image to the table of lens displacements."""
+
 
 def depth_pixels(xyz: Floats, origin: NDArray[np.float64], camera: Camera) -> tuple[Floats, Floats]:
     """(rows, ROW, 2) positions of points (n, 3) in a pinhole camera's picture, and (n,) depth.
@@ -42,15 +45,44 @@ def depth_pixels(xyz: Floats, origin: NDArray[np.float64], camera: Camera) -> tu
 
 def photo_pixels(in_depth: Floats, view: PhotoView) -> Floats:
     """Positions in the full-size photo, through the lens, from those in the depth image."""
+    scale, offset = _straight(view)
+    xy_px = affine(in_depth, scale, offset)
+    if view.lens is None:
+        return xy_px
+    node = affine(in_depth, *TO_NODE)
+    shift = cv2.merge([
+        cv2.remap(part, node, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        for part in view.lens
+    ])  # fmt: skip
+    return cv2.add(xy_px, shift, dst=xy_px)
+
+
+def pixels_in_photo(view: PhotoView) -> tuple[Floats, Floats]:
+    """Where all pixels of the depth image are in the full-size photo: (h, w) across and down."""
+    width, height = view.depth_camera.width, view.depth_camera.height
+    (sx, sy), (x, y) = _straight(view)
+    across = (np.arange(width) * sx + x).astype(np.float32)[None]
+    down = (np.arange(height) * sy + y).astype(np.float32)[:, None]
+    if view.lens is None:
+        whole = np.broadcast_to(across, (height, width)), np.broadcast_to(down, (height, width))
+        return np.ascontiguousarray(whole[0]), np.ascontiguousarray(whole[1])
+    (scale, _), (offset, _) = TO_NODE
+    to_node = np.array([[scale, 0, offset], [0, scale, offset]])
+    how = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    right, below = (
+        cv2.warpAffine(part, to_node, (width, height), None, how, cv2.BORDER_REPLICATE)
+        for part in view.lens
+    )
+    right += across
+    below += down
+    return right, below
+
+
+def _straight(view: PhotoView) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Scale and offset from the depth image to the full-size photo, but for the lens."""
     d, k = view.depth_camera.intrinsics, view.camera.intrinsics
     sx, sy = k.fx / d.fx, k.fy / d.fy
-    offset = k.cx - 0.5 - (d.cx - 0.5) * sx, k.cy - 0.5 - (d.cy - 0.5) * sy
-    straight = affine(in_depth, (sx, sy), offset)
-    if view.lens is None:
-        return straight
-    node = affine(in_depth, (1 / LENS_CELL, 1 / LENS_CELL), (0.5 + 0.5 / LENS_CELL,) * 2)
-    shift = cv2.remap(view.lens, node, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return straight + shift
+    return (sx, sy), (k.cx - 0.5 - (d.cx - 0.5) * sx, k.cy - 0.5 - (d.cy - 0.5) * sy)
 
 
 def rescaled(xy_px: Floats, shape: tuple[int, ...], camera: Camera) -> Floats:
@@ -65,10 +97,11 @@ def affine(maps: Floats, scale: tuple[float, float], offset: tuple[float, float]
     return cv2.transform(maps, matrix)
 
 
-def taken(maps: Floats, rows: NDArray[np.intp]) -> Floats:
-    """Some of the positions, in rows of `ROW` again."""
-    out = np.full((-(-len(rows) // ROW) * ROW, 2), FAR_OUTSIDE, np.float32)
-    out.view(np.uint64)[: len(rows), 0] = maps.view(np.uint64).reshape(-1).take(rows)
+def taken(maps: Floats, chosen: NDArray[np.bool_]) -> Floats:
+    """The chosen ones of the first (n,) positions, in rows of `ROW` again."""
+    kept = maps.view(np.uint64).reshape(-1)[: len(chosen)][chosen]
+    out = np.full((-(-len(kept) // ROW) * ROW, 2), FAR_OUTSIDE, np.float32)
+    out.view(np.uint64)[: len(kept), 0] = kept
     return out.reshape(-1, ROW, 2)
 
 
@@ -100,7 +133,7 @@ def by_level(
     flat = values.reshape(-1, *values.shape[2:])
     for number in np.flatnonzero(count):
         if number != usual:
-            chosen = np.flatnonzero(level == number)
+            chosen = level == number
             found = read(taken(xy_px, chosen), int(number))
-            flat[chosen] = found.reshape(-1, *values.shape[2:])[: len(chosen)]
+            flat[: len(level)][chosen] = found.reshape(-1, *values.shape[2:])[: count[number]]
     return values

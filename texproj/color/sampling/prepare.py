@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from texproj.arrays import Floats
 from texproj.camera import Camera
 from texproj.color.sampling.light_around import soft_light
-from texproj.color.sampling.pixel_lookup import photo_pixels, rescaled
+from texproj.color.sampling.pixel_lookup import pixels_in_photo
 from texproj.color.sampling.view import WHITE, PhotoView, linear16
 from texproj.color.weights.picture import picture_factors, silhouette_factor
 from texproj.options import ColorOptions
@@ -67,13 +67,15 @@ def picture_trust(photo: Photo, levels: tuple[NDArray[Any], ...], options: Color
 
 def in_depth_pixels(image: Floats, view: PhotoView) -> Floats:
     """A reduced picture of the photo, as the depth camera would see it; 0 outside of the photo."""
-    depth = view.depth_camera
     if view.lens is None and image.shape == view.depth.shape:
         return image
-    x, y = np.meshgrid(np.arange(depth.width), np.arange(depth.height))
-    xy_px = photo_pixels(np.dstack([x, y]).astype(np.float32), view)
-    small = rescaled(xy_px, image.shape, view.camera)
-    return cv2.remap(image, small, None, cv2.INTER_LINEAR, borderValue=0)
+    height, width = image.shape
+    scales = width / view.camera.width, height / view.camera.height
+    x, y = (
+        at * np.float32(scale) + np.float32(0.5 * scale - 0.5)
+        for at, scale in zip(pixels_in_photo(view), scales, strict=True)
+    )
+    return cv2.remap(image, x, y, cv2.INTER_LINEAR, borderValue=0)
 
 
 def depth_seen(camera: Camera, scene: Scene) -> tuple[Camera, Floats]:

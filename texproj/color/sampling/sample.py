@@ -55,17 +55,15 @@ def sample(chunk: Chunk, surface: SurfaceView, view: PhotoView) -> Samples | Non
         return None
     part = chunk
     if sparse := count < MOSTLY * len(chunk):
-        rows = np.flatnonzero(facing)
-        part, weight = chunk.take(rows), weight.take(rows)
+        part, weight = chunk.take(np.flatnonzero(facing)), weight[facing]
     xy_px = project(part, weight, surface, view)
     seen, owner = weight > 0, part.owner
     count = np.count_nonzero(seen)
     if count == 0:
         return None
     if count < len(part):
-        kept = np.flatnonzero(seen)
-        xy_px, weight, owner = taken(xy_px, kept), weight.take(kept), owner.take(kept)
-    level = surface.level.take(owner) if surface.level.any() else None
+        xy_px, weight, owner = taken(xy_px, seen), weight[seen], owner[seen]
+    level = None if surface.level is None else surface.level.take(owner)
     rgb = read_colors(view, xy_px, level)
     around = light_around(view, rgb, xy_px, level)[:count] if view.soft else None
     if sparse:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -93,36 +92,34 @@ class SampleStore:
         around = np.empty_like(weight) if records and records[0].around else None
         for row, record in enumerate(records):
             packed, ratio = self._load(record, self.sizes[chunk], rows)
-            *colors, weights = cv2.split(packed)
-            for channel, color in enumerate(colors):
-                np.multiply(color[:, 0], np.float32(1 / WHITE), out=rgb[row, channel])
-            np.multiply(weights[:, 0], np.float32(1 / WEIGHT_ONE), out=weight[row])
+            for channel, out in enumerate(rgb[row]):
+                np.multiply(packed[:, channel], np.float32(1 / WHITE), out=out)
+            np.multiply(packed[:, 3], np.float32(1 / WEIGHT_ONE), out=weight[row])
             if around is not None and ratio is not None:
                 np.multiply(ratio, np.float32(1 / AROUND_ONE), out=around[row])
         return Stack(photos, rgb, weight, around)
 
     def _load(self, record: _Record, points: int, rows: slice) -> tuple[Packed, Packed | None]:
-        """(n, 1, 4) values of a record and (n,) light around the points, 0 where unseen."""
+        """(n, 4) values of a record and (n,) light around the points, 0 where unseen."""
         bits = np.frombuffer(self._scratch.read(record.start, -(-points // 8)), np.uint8)
         seen = np.unpackbits(bits, count=points).view(bool)
-        first = int(np.count_nonzero(seen[: rows.start]))
-        where = np.flatnonzero(seen[rows])
-        start = record.start + len(bits)
-        packed = self._part(start, 8, first, len(where)).view(np.uint64)
+        first, seen = int(np.count_nonzero(seen[: rows.start])), seen[rows]
+        count, start = int(np.count_nonzero(seen)), record.start + len(bits)
+        packed = _spread(self._part(start, 8, first, count).view(np.uint64), seen)
         ratio = None
         if record.around:
-            ratio = self._part(start + 8 * record.count, 2, first, len(where))
-        if len(where) < rows.stop - rows.start:
-            packed = _spread(packed, where, rows)
-            ratio = None if ratio is None else _spread(ratio, where, rows)
-        return packed.view(np.uint16).reshape(-1, 1, 4), ratio
+            ratio = _spread(self._part(start + 8 * record.count, 2, first, count), seen)
+        return packed.view(np.uint16).reshape(-1, 4), ratio
 
     def _part(self, start: int, size: int, first: int, count: int) -> Packed:
         data = self._scratch.read(start + size * first, size * count)
         return np.frombuffer(data, np.uint16)
 
 
-def _spread(values: NDArray[Any], where: NDArray[np.intp], rows: slice) -> NDArray[Any]:
-    out = np.zeros(rows.stop - rows.start, values.dtype)
-    out[where] = values
+def _spread(values: NDArray[Any], seen: NDArray[np.bool_]) -> NDArray[Any]:
+    """The values where something is seen, 0 elsewhere."""
+    if len(values) == len(seen):
+        return values
+    out = np.zeros(len(seen), values.dtype)
+    out[seen] = values
     return out

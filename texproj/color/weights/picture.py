@@ -6,6 +6,8 @@ Graphics 2008; the formulas are ours.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -81,16 +83,17 @@ def exposure_factor(small: NDArray[np.uint16], white: float, clipped: float, dar
     1 from its upper limit to `CLIPPED`, ramps between.
     """
     red, green, blue = cv2.split(small)
-    brightest = cv2.max(cv2.max(red, green), blue)
-    out = np.ones(brightest.shape, np.float32)
-    near = brightest > CLIPPED * white
-    over = (brightest[near] * np.float32(1 / white) - CLIPPED) / (0.99 - CLIPPED)
-    out[near] -= np.minimum(over, 1) * np.float32(1 - clipped)
-    if dark < 1:
-        black = brightest < DARK[1] * white
-        under = (DARK[1] - brightest[black] * np.float32(1 / white)) / (DARK[1] - DARK[0])
-        out[black] -= np.minimum(under, 1) * np.float32(1 - dark)
-    return out
+    return _exposure_curve(white, clipped, dark).take(cv2.max(cv2.max(red, green), blue))
+
+
+@lru_cache(4)
+def _exposure_curve(white: float, clipped: float, dark: float) -> Floats:
+    """(65536,) the factor of each value of the brightest channel."""
+    light = np.arange(65536) / white
+    over = np.clip((light - CLIPPED) / (0.99 - CLIPPED), 0, 1)
+    under = np.clip((DARK[1] - light) / (DARK[1] - DARK[0]), 0, 1)
+    factor = 1 - over * (1 - clipped) - under * (1 - min(dark, 1))
+    return factor.astype(np.float32)
 
 
 def silhouette_factor(depth: Floats, focal_px: float, feather_px: float) -> Floats:

@@ -38,13 +38,14 @@ class SurfaceView:
     weight: (k,) float32 product of the surface factors, 0 = faces away or behind the camera;
     nearer: (k,) float32 factor just under 1: a point is hidden only if the depth image is nearer
     than its own depth times this;
-    level: (k,) int8 pyramid level whose pixels fit the points; origin: (3,) that of the owners.
+    level: (k,) int8 pyramid level whose pixels fit the points, None where it is the first for all;
+    origin: (3,) that of the owners.
     """
 
     origin: NDArray[np.float64]
     weight: Floats
     nearer: Floats
-    level: NDArray[np.int8]
+    level: NDArray[np.int8] | None
 
 
 def surface_view(
@@ -63,7 +64,7 @@ def surface_view(
     octave = np.log2(np.maximum(pixels * np.sqrt(cosine), 1)) - SHARPER
     level = np.clip(np.round(octave), 0, max(levels - 1, 0)).astype(np.int8)
     nearer = (1 - DEPTH_TOLERANCE - footprint * slope).astype(np.float32)
-    return SurfaceView(owners.origin, weight, nearer, level)
+    return SurfaceView(owners.origin, weight, nearer, level if level.any() else None)
 
 
 def surface_factors(cosine: Floats, pixels: Floats, options: ColorOptions) -> dict[str, Floats]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from texproj.mesh import Mesh, face_areas
+from texproj.mesh import Mesh, face_areas, face_cross
 
 MOST_FACES = 600_000
 """Meshes with fewer are used as they are."""
@@ -29,7 +29,9 @@ def light_mesh(mesh: Mesh) -> Mesh:
 
 
 def clustered(mesh: Mesh, cell: float) -> Mesh:
-    """The mesh with the vertices of each cube of edge `cell`, mesh units, in their mean."""
+    """The mesh with the vertices of each cube of edge `cell`, mesh units, in their mean; its faces
+    look to the side to which they did.
+    """
     where = np.floor((mesh.vertices - mesh.vertices.min(axis=0)) / cell).astype(np.int64)
     x, y, z = where.T
     size = where.max(axis=0) + 1
@@ -38,4 +40,9 @@ def clustered(mesh: Mesh, cell: float) -> Mesh:
     means = [np.bincount(number, column) / count for column in mesh.vertices.T]
     faces = number[mesh.faces].astype(np.int32)
     a, b, c = faces.T
-    return Mesh(np.stack(means, axis=1), faces[(a != b) & (b != c) & (c != a)])
+    left = np.flatnonzero((a != b) & (b != c) & (c != a))
+    vertices, faces = np.stack(means, axis=1), faces[left]
+    before, now = face_cross(mesh.vertices, mesh.faces[left]), face_cross(vertices, faces)
+    turned = np.einsum("ij,ij->i", now, before) < 0
+    faces[turned] = faces[turned, ::-1]
+    return Mesh(vertices, faces)

@@ -44,22 +44,25 @@ def shared_views(cameras: Sequence[Camera], render: Render) -> tuple[Doubles, Do
     """((n, n) share of what photo i sees that photo j sees too, (n, n) mean angle in degrees
     between their lines of sight there).
     """
+    each = samples_each(len(cameras))
+    return shares_of(cameras, [Glimpse.of(camera, render, each) for camera in cameras])
+
+
+def samples_each(photos: int) -> int:
+    """Surface points that each of so many photos is asked for."""
+    return min(SAMPLES_PER_PHOTO, max(LEAST_SAMPLES, SAMPLES // max(photos, 1)))
+
+
+def shares_of(cameras: Sequence[Camera], glimpses: Sequence[Glimpse]) -> tuple[Doubles, Doubles]:
+    """As `shared_views`, by what each camera sees."""
     small = [camera.reduced(SIGHT_PX) for camera in cameras]
-    each = min(SAMPLES_PER_PHOTO, max(LEAST_SAMPLES, SAMPLES // max(len(small), 1)))
-    depths, samples = [], []
-    for camera in small:
-        view = render(camera)
-        depths.append(_Depth.of(view.require("depth")))
-        samples.append(_surface_samples(camera, view, each))
-    size = np.array([len(xyz) for xyz in samples], np.intp)
-    owner, xyz = (
-        np.repeat(np.arange(len(small)), size),
-        np.concatenate([np.zeros((0, 3)), *samples]),
-    )
+    size = np.array([len(one.xyz) for one in glimpses], np.intp)
+    owner = np.repeat(np.arange(len(small)), size)
+    xyz = np.concatenate([np.zeros((0, 3)), *(one.xyz for one in glimpses)])
     centers = np.array([camera.center for camera in small])
     share, angle_deg = np.zeros((len(small),) * 2), np.full((len(small),) * 2, 180.0)
     for j, other in enumerate(small):
-        seen = np.flatnonzero(sees(other, depths[j].whole(), xyz) & (owner != j))
+        seen = np.flatnonzero(sees(other, glimpses[j].depth(), xyz) & (owner != j))
         count = np.bincount(owner[seen], minlength=len(small))
         share[:, j] = count / np.maximum(size, 1)
         angle = _angles_deg(xyz[seen], centers[owner[seen]], other.center)
@@ -69,20 +72,27 @@ def shared_views(cameras: Sequence[Camera], render: Render) -> tuple[Doubles, Do
 
 
 @dataclass(frozen=True, eq=False)
-class _Depth:
-    """A depth image in half of its memory, to a thousandth. relative: (h, w) float16 of the
-    farthest depth, infinite where there is no surface.
+class Glimpse:
+    """What a camera sees, in small: its depth image in half of the memory, to a thousandth, and
+    places on the surface. relative: (h, w) float16 of the farthest depth, infinite where there is
+    no surface; xyz: (n, 3) world points spread over the picture.
     """
 
     relative: NDArray[np.float16]
     farthest: float
+    xyz: Doubles
 
     @classmethod
-    def of(cls, depth: Floats) -> _Depth:
+    def of(cls, camera: Camera, render: Render, most: int) -> Glimpse:
+        """camera: of any size; render: gives depth; most: places on the surface."""
+        small = camera.reduced(SIGHT_PX)
+        view = render(small)
+        depth = view.require("depth")
         farthest = float(np.max(depth, where=np.isfinite(depth), initial=0)) or 1.0
-        return cls((depth / np.float32(farthest)).astype(np.float16), farthest)
+        relative = (depth / np.float32(farthest)).astype(np.float16)
+        return cls(relative, farthest, _surface_samples(small, view, most))
 
-    def whole(self) -> Floats:
+    def depth(self) -> Floats:
         """(h, w) depth, as it was rendered."""
         return self.relative.astype(np.float32) * np.float32(self.farthest)
 

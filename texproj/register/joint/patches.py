@@ -194,13 +194,17 @@ def pixels_of(k: Intrinsics, xyz_in_cam: Floats) -> Floats:
     """(n, m, 2) float32 where points are in the picture, from the center of its first pixel as
     OpenCV counts; far outside where they are not seen.
     """
+    x, y, z = (np.ascontiguousarray(xyz_in_cam[..., axis]) for axis in range(3))
     with np.errstate(invalid="ignore", divide="ignore"):
-        ideal = xyz_in_cam[..., :2] / xyz_in_cam[..., 2:]
+        x, y = x / z, y / z
     if k.distorted:
-        ideal = k.distort(ideal.reshape(-1, 2)).reshape(ideal.shape).astype(np.float32)
-    at = ideal * np.array([k.fx, k.fy], np.float32) + np.array([k.cx, k.cy], np.float32) - 0.5
-    seen = np.isfinite(at).all(axis=-1, keepdims=True) & (xyz_in_cam[..., 2:] > 0)
-    return np.where(seen, at, np.float32(FAR_OUTSIDE))
+        bent = k.distort_each(x.ravel(), y.ravel())
+        x, y = (side.astype(np.float32).reshape(z.shape) for side in bent)
+    at = np.empty((*z.shape, 2), np.float32)
+    at[..., 0] = x * np.float32(k.fx) + np.float32(k.cx) - np.float32(0.5)
+    at[..., 1] = y * np.float32(k.fy) + np.float32(k.cy) - np.float32(0.5)
+    at[~(np.isfinite(at[..., 0]) & np.isfinite(at[..., 1]) & (z > 0))] = FAR_OUTSIDE
+    return at
 
 
 def _ties(

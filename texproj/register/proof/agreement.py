@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from texproj.arrays import Bools, Doubles, Index
 from texproj.register.proof.through_mesh import (
@@ -64,7 +64,7 @@ class Agreement:
     @property
     def odds(self) -> float:
         """Probability that chance brings so many together."""
-        return float(stats.binom.sf(self.together - 1, self.sought, self.chance))
+        return float(special.bdtrc(self.together - 1, self.sought, self.chance))
 
     @property
     def agrees(self) -> bool:
@@ -73,7 +73,7 @@ class Agreement:
     @property
     def contradicts(self) -> bool:
         """Chance explains what agrees, right cameras do not."""
-        right = float(stats.binom.cdf(self.together, self.sought, RIGHT_SHARE))
+        right = float(special.bdtr(self.together, self.sought, RIGHT_SHARE))
         return self.tells and self.odds >= CHANCE_ODDS and right < RIGHT_ODDS
 
 

@@ -90,18 +90,17 @@ class Views:
     def _make(self, k: int) -> PhotoView:
         key = (k, self._longest)
         photo = self._photos.fetch(key, lambda: self._load(k, self._longest))
-        camera = self._cameras[k].resized(photo.width, photo.height)
-        return photo_view(camera, photo.gray(), self._render(camera), photo.mask)
+        return made_view(photo, self._cameras[k], self._render)
 
 
-def photo_view(
-    camera: Camera, gray: Floats, images: GBuffer, mask: NDArray[np.uint8] | None
-) -> PhotoView:
-    """Bring a photo and its rendering together; mask: 0 = do not use."""
+def made_view(photo: Photo, camera: Camera, render: Render) -> PhotoView:
+    """Bring a photo, reduced as it is, and a rendering from its camera (full size) together."""
+    camera = camera.resized(photo.width, photo.height)
+    images = render(camera)
     valid = np.isfinite(images.require("depth"))
-    if mask is not None:
-        valid &= mask > 0
-    return PhotoView(camera, gray, images, valid)
+    if photo.mask is not None:
+        valid &= photo.mask > 0
+    return PhotoView(camera, photo.gray(), images, valid)
 
 
 def warped(here: PhotoView, other: PhotoView) -> tuple[Floats, NDArray[np.bool_]]:

@@ -21,7 +21,7 @@ from texproj.register.joint.refine import refine
 from texproj.register.joint.refined import Refined
 from texproj.register.joint.session import LoadPhoto, anchor_points
 from texproj.register.proof.camps import Ruling
-from texproj.register.proof.judge import judge
+from texproj.register.proof.judge import LooksHere, judge
 from texproj.render import Render
 
 SIZES_PX = (192, 384)
@@ -69,7 +69,7 @@ def brought_together(
         found = refine(starts, load_photo, render, coarse)
         now, error = found.cameras, _errors(found)
         percent = _typical_percent(_motion_px(cameras, now, points), side, free)
-    told = judge(now, load_photo, render, [int(k) for k in np.flatnonzero(free)])
+    told = judge(now, LooksHere(now, load_photo, render), np.flatnonzero(free).tolist())
     return Together(now, error, percent / 100 * float(side.mean()), told)
 
 

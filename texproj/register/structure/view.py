@@ -92,7 +92,8 @@ class StructureView:
         """
         window, part = _window(photo, render, around).cut(photo)
         size = min(working_px, MOST_ENLARGED * max(part.width, part.height))
-        return cls(window, tuple(_field(part, size / 2**k) for k in range(3)), render)
+        fields = tuple(_field(part, size / 2**k) for k in range(3))
+        return cls(window, fields, _DrawnOnce(render))
 
     @property
     def mirrored(self) -> StructureView:
@@ -133,6 +134,28 @@ class StructureView:
         xyz = images.points(here, y, x)
         grid = centers.astype(np.float64) + 0.5
         return Observation(here, rule, grid, matches, xyz)
+
+
+class _DrawnOnce:
+    """A renderer that gives the last picture again where the same one is asked for: a camera is
+    looked at with and without the mesh's outline, and for patches of several sizes.
+    """
+
+    def __init__(self, render: Render) -> None:
+        self._render = render
+        self._last: tuple[Camera, GBuffer] | None = None
+
+    def __call__(self, camera: Camera) -> GBuffer:
+        if self._last is None or not _same(self._last[0], camera):
+            self._last = camera, self._render(camera)
+        return self._last[1]
+
+
+def _same(one: Camera, other: Camera) -> bool:
+    a, b = one.pose, other.pose
+    return (
+        one.intrinsics == other.intrinsics and np.array_equal(a.R, b.R) and np.array_equal(a.t, b.t)
+    )
 
 
 def _window(photo: Photo, render: Render, around: Camera) -> Window:

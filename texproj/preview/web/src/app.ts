@@ -10,7 +10,7 @@ import { LayerLoader, showLegend } from "./layers.ts";
 import type { Camera, Vec2 } from "./lens.ts";
 import { lockButtons, notice, runningJob, showJob } from "./notice.ts";
 import type { Look } from "./panel.ts";
-import { viewPanel } from "./panel.ts";
+import { viewPanel, wholeSection } from "./panel.ts";
 import { PhotoList, worstFirst } from "./photolist.ts";
 import { MaskMode } from "./maskmode.ts";
 import { maskPanel } from "./maskpanel.ts";
@@ -43,6 +43,7 @@ export class App implements Host {
   private readonly edits = new Edits(this);
   private readonly loader = new LayerLoader(this.viewport.surface);
   private meshKey = "";
+  private loadingWhole = false;
   private refreshing: Promise<void> | null = null;
   private again = false;
   /** The layer that was asked for last; one that arrives late and is another is not shown. */
@@ -288,6 +289,7 @@ export class App implements Host {
   }
 
   private showPanel(): void {
+    const { surface } = this.viewport;
     const parts =
       this.mode === "pick"
         ? pickPanel(this.picking)
@@ -306,6 +308,9 @@ export class App implements Host {
             mask: (photo) => void this.mask(photo),
             viewNamed: (name) => this.choose(this.facts!.photos.find((photo) => photo.name === name)!),
           });
+    if (this.mode === "view" && surface.shownFaces < surface.faces) {
+      parts.push(wholeSection(surface.shownFaces, surface.faces, this.loadingWhole, () => void this.loadWhole()));
+    }
     if (this.mode === "view") parts.push(...this.relight.section(), ...this.places.section(), this.modelPart());
     byId("panel").replaceChildren(...parts);
   }
@@ -339,13 +344,15 @@ export class App implements Host {
     this.facts = await api.facts();
     this.edits.forget();
     if (this.mode === "pick" && this.photo) this.picking.photo = this.photo;
-    showTitle(this.facts!, this.viewport.surface.faces);
+    showTitle(this.facts!, this.viewport.surface);
     if (this.facts.mesh.key !== this.meshKey) await this.loadMesh();
     const { surface, frustums } = this.viewport;
     frustums.set(this.facts.photos, surface.center, surface.radius, () => this.viewport.invalidate());
     if (first) this.home.go(this.facts, this.viewable);
     if (first) this.viewport.onFirstFrame(() => (document.body.dataset.picture = "true"));
-    await this.setLayer(first ? this.bestLayer() : this.wanted);
+    const layer = first ? this.bestLayer() : this.wanted;
+    if (first && !surface.whole) await this.setLayer("shaded").then(() => void this.setLayer(layer));
+    else await this.setLayer(layer);
     this.followCamera();
     this.applyLook();
     await this.places.load();
@@ -361,18 +368,35 @@ export class App implements Host {
     return when("model.glb") > when("model.ply") ? "texture" : "color";
   }
 
+  /** Of a large mesh the light one, which is all that most people look at. */
   private async loadMesh(): Promise<void> {
-    const pack = await api.pack("/api/mesh/full");
-    this.viewport.surface.setFull(pack!);
+    const { surface } = this.viewport;
+    surface.setFirst((await api.pack("/api/mesh/first"))!);
     this.loader.forget();
     this.meshKey = this.facts!.mesh.key;
-    showTitle(this.facts!, this.viewport.surface.faces);
+    showTitle(this.facts!, surface);
     void this.loadLight();
+  }
+
+  /** All faces of a large mesh, once somebody asks for them. */
+  async loadWhole(): Promise<void> {
+    const { surface } = this.viewport;
+    const key = this.meshKey;
+    this.loadingWhole = true;
+    this.show();
+    const pack = await api.pack("/api/mesh/full").catch((error: unknown) => this.complain(error));
+    this.loadingWhole = false;
+    if (pack && key === this.meshKey) {
+      surface.setFull(pack);
+      this.loader.forget();
+      await this.setLayer(this.wanted);
+    }
+    this.show();
   }
 
   /** The light mesh is made in the background; the page does not wait for it. */
   async loadLight(): Promise<void> {
-    if (!this.viewport.surface.faces) return;
+    if (!this.viewport.surface.whole) return;
     const pack = await api.pack("/api/mesh/light").catch(() => null);
     if (!pack) return;
     this.viewport.surface.setLight(pack);

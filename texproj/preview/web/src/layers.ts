@@ -36,7 +36,8 @@ export class LayerLoader {
     else if (layer === "texture") {
       await this.loadTexture(facts);
       this.colors = null;
-      void this.loadLightColors();
+      const colored = this.loadLightColors();
+      if (!this.surface.whole) await colored;
     }
     else if (layer === "weights") await this.loadValues(factor, versionOf(facts), photo);
     else if (layer === "normals" && facts.lit) await this.loadTexture(facts);
@@ -66,7 +67,7 @@ export class LayerLoader {
 
   private async loadTexture(facts: api.Facts): Promise<void> {
     const version = facts.models["model.glb"];
-    if (!version) return;
+    if (!version || !this.surface.whole) return;
     const key = `${version} ${facts.lit}`;
     if (this.texture !== key) await this.surface.loadTextured(`/api/models/model.glb?v=${version}`, facts.lit);
     this.texture = key;
@@ -97,9 +98,10 @@ export class LayerLoader {
     return this.shot !== null;
   }
 
-  /** While a textured model moves, the light mesh with the texture's colors stands for it. */
+  /** While a textured model moves, or is not loaded, the light mesh with the texture's colors stands
+   * for it. */
   async loadLightColors(): Promise<void> {
-    if (!this.surface.hasLight || !this.texture) return;
+    if (!this.surface.hasLight || !(this.texture || !this.surface.whole)) return;
     const pack = await api.pack("/api/colors/light").catch(() => null);
     if (pack) this.surface.setLightColors(pack.arrays.rgba as Uint8Array);
   }

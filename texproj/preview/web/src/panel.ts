@@ -69,6 +69,16 @@ export function viewPanel(
   return parts;
 }
 
+/** That a large mesh is shown with fewer faces, and how to have them all. */
+export function wholeSection(shown: number, faces: number, loading: boolean, load: () => void): HTMLElement {
+  const count = (n: number) => n.toLocaleString("en");
+  const words = loading ? "Loading\u2026" : `Show all ${count(faces)}`;
+  const button = el("button", { type: "button", id: "show-whole", onclick: load }, words);
+  button.disabled = loading;
+  const hint = `${count(shown)} faces stand for those of the mesh. Picked points and files are exact.`;
+  return section("Faces", el("p", { class: "hint" }, hint), el("div", { class: "button-row" }, button));
+}
+
 function layerSection(look: Look, wanted: Layer, available: Set<Layer>, act: PanelActions): HTMLElement {
   const buttons = LAYERS.filter((entry) => !entry.appearance || available.has(entry.layer)).map(({ layer, name, what }) => {
     const button = el(

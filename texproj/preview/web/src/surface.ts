@@ -56,16 +56,25 @@ export class Surface {
   private readonly uniforms = surfaceUniforms();
   private readonly material = surfaceMaterial(this.uniforms);
 
-  /** Show the full mesh. */
-  setFull(pack: Pack): void {
+  /** Show another model: the full mesh, or a light one that stands for it until that is there. */
+  setFirst(pack: Pack): void {
+    this.full = this.gone(this.full);
+    this.light = this.gone(this.light);
     this.center.fromArray(pack.facts.center as number[]);
-    this.full = this.replace(this.full, meshOf(pack, this.material));
-    const sphere = this.full.geometry.boundingSphere!;
+    if (pack.arrays.vertex_of_light) this.setLight(pack);
+    else this.setFull(pack);
+    const sphere = this.atRest!.geometry.boundingSphere!;
     this.radius = Math.max(sphere.radius, 1e-9);
     this.uniforms.radius.value = this.radius;
-    this.faces = pack.arrays.faces.length / 3;
+    this.faces = pack.facts.of_faces as number;
     this.front = frontOf(pack.arrays.positions, pack.arrays.faces);
     this.setMoving(false);
+  }
+
+  /** Show the full mesh. */
+  setFull(pack: Pack): void {
+    this.full = this.replace(this.full, meshOf(pack, this.material));
+    this.show();
   }
 
   /** Have a simplified mesh for while the view moves. */
@@ -73,10 +82,25 @@ export class Surface {
     this.light = this.replace(this.light, meshOf(pack, this.material));
     this.nearest = pack.arrays.vertex_of_light as Uint32Array;
     for (const [name, size] of Object.entries(SIZES)) {
-      this.copyToLight(name, this.full!.geometry.attributes[name].array as Uint8Array | Float32Array, size);
+      if (this.full) this.copyToLight(name, this.full.geometry.attributes[name].array as Uint8Array | Float32Array, size);
     }
-    this.light.visible = false;
     this.lightHasColors = false;
+    this.show();
+  }
+
+  /** What is shown at rest, but for a texture. */
+  private get atRest(): THREE.Mesh | null {
+    return this.full ?? this.light;
+  }
+
+  /** Whether the full mesh is there. */
+  get whole(): boolean {
+    return this.full !== null;
+  }
+
+  /** Faces of what is shown at rest. */
+  get shownFaces(): number {
+    return this.whole || !this.light ? this.faces : this.light.geometry.index!.count / 3;
   }
 
   /** Colors of the light mesh that stands for the textured one; layer "color" has its own. */
@@ -179,7 +203,7 @@ export class Surface {
 
   /** Some of the vertices that have a color: linear base colors, and normals. */
   sample(count: number): Sample {
-    const { rgba, normal } = this.full!.geometry.attributes;
+    const { rgba, normal } = this.atRest!.geometry.attributes;
     const step = Math.max(1, Math.floor(rgba.count / count));
     const base: number[] = [], normals: number[] = [];
     for (let i = 0; i < rgba.count; i += step) {
@@ -200,7 +224,8 @@ export class Surface {
 
   private show(): void {
     const textured = this.byTexture(this.layer);
-    const light = this.moving && this.light !== null && (!textured || (this.layer === "texture" && this.lightHasColors));
+    const spares = this.moving && (!textured || (this.layer === "texture" && this.lightHasColors));
+    const light = this.light !== null && (spares || (!this.whole && !textured));
     if (this.full) this.full.visible = !light && !textured;
     if (this.light) this.light.visible = light;
     if (this.textured) this.textured.visible = textured && !light;
@@ -221,15 +246,19 @@ export class Surface {
   }
 
   private replace(old: THREE.Mesh | null, made: THREE.Mesh): THREE.Mesh {
-    old?.removeFromParent();
-    old?.geometry.dispose();
+    this.gone(old);
     this.group.add(made);
     return made;
   }
 
+  private gone(old: THREE.Mesh | null): null {
+    old?.removeFromParent();
+    old?.geometry.dispose();
+    return null;
+  }
+
   private setAttribute(name: keyof typeof SIZES, data: Uint8Array | Float32Array, size: number): void {
-    if (!this.full) return;
-    this.full.geometry.setAttribute(name, new THREE.BufferAttribute(data, size, size > 1));
+    this.full?.geometry.setAttribute(name, new THREE.BufferAttribute(data, size, size > 1));
     if (this.light) this.copyToLight(name, data, size);
   }
 
