@@ -384,7 +384,7 @@ def test_a_mesh_with_a_vertex_nowhere_is_shown(recovered):
 
 def test_a_picture_that_no_light_reaches_is_refused(recovered, monkeypatch, capsys):
     """Of a lamp inside the piece, say: black would look as if it had worked."""
-    black = np.zeros((32, 32, 4), np.float32) + (0, 0, 0, 1)
+    black = np.broadcast_to(np.float32((0, 0, 0, 1)), (32, 32, 4))
     monkeypatch.setattr(relighting, "_pictures", lambda *_: [black])
     (recovered.out / "model.glb").unlink()
     told = recovered.load_record("appearance")
