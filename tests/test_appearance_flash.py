@@ -263,7 +263,7 @@ def test_the_command_writes_gloss_and_metals(flash_project, capsys):
     ("light", "said"),
     [('kind = "flash"', "[light] `position`"),
      ('kind = "natural"\nposition = [0, 0, 0]', 'are a flash\'s, and `kind` is "natural"'),
-     ('kind = "flash"\nposition = [0, 0, 0]\ngray = "chart.jpg"', "`gray` is for light"),
+     ('kind = "flash"\nposition = [0, 0, 0]\ngray = "lump.ply"', "`gray` is for light"),
      ('kind = "polarized"\nposition = [0, 0, 0]\ngray = "lump.ply"', "`gray` is for light"),
      ('profile = "flash.json"', 'are a flash\'s, and `kind` is "none"'),
      ('kind = "flash"\nprofile = "flash.json"', "no flash calibration at")],
