@@ -8,6 +8,7 @@ from photo_sets import photo_set
 from texproj.color.sampling.photo_set import PhotoSet
 from texproj.color.vertices import color_vertices
 from texproj.errors import InputError
+from texproj.mesh import Mesh
 from texproj.options import ColorOptions, RenderOptions
 from texproj.render import open_renderer
 
@@ -45,6 +46,18 @@ def test_colors_are_those_of_the_surface(renderer):
     assert np.abs(result.rgb - truth(mesh))[sure].max() < RESAMPLING
 
 
+def test_a_mesh_that_is_seen_from_behind_is_refused(cpu):
+    """Nothing would get its color; where a third faces the photos, that third does."""
+    mesh, cameras = plane(), [camera(c) for c in VIEWS]
+    photos = [picture(c) for c in cameras]
+    inside_out = Mesh(mesh.vertices, mesh.faces[:, ::-1])
+    with pytest.raises(InputError, match="100% of what is seen of it is its back"):
+        color(inside_out, cameras, photos, cpu)
+    rows = np.arange(len(mesh.faces)) % 3 == 0
+    mixed = Mesh(mesh.vertices, np.where(rows[:, None], mesh.faces, mesh.faces[:, ::-1]))
+    assert color(mixed, cameras, photos, cpu).photo_count.any()
+
+
 def test_renderers_agree():
     """Visibility by OpenGL and by ray casting gives the same weights up to the pixels of edges."""
     mesh = joined(plane(), plane(8, z=0.4, half=0.3))
@@ -60,10 +73,12 @@ def test_renderers_agree():
 
 
 def test_back_faces_get_nothing(cpu):
-    """A surface that faces away has weight 0 everywhere."""
+    """A surface that faces away has weight 0 everywhere, beside one that does not."""
     view = camera(VIEWS[0])
-    result = color(plane(up=False), [view], [picture(view)], cpu)
-    assert not result.weight.any() and not result.photo_count.any()
+    mesh = joined(plane(up=False), plane(8, z=0.4, half=0.5))
+    result, away = color(mesh, [view], [picture(view)], cpu), mesh.vertices[:, 2] == 0
+    assert not result.weight[away].any() and not result.photo_count[away].any()
+    assert result.weight[~away].all()
 
 
 def test_never_through_occluders(cpu):

@@ -82,8 +82,7 @@ class Readings:
         """Read all photos, one after the other. progress: called with the number that are done."""
         points = VertexPoints.of(mesh)
         with opencv_in_one_thread():
-            with renderer.load(mesh) as scene:
-                photos = photos.rendered(scene, scratch)
+            photos = photos.seen_on(mesh, renderer, scratch)
             renderer.rest()
             views = photos.views(READING)
             read = project_views(points, views, _Nobody(), READING, scratch, progress)

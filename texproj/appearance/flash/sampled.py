@@ -157,8 +157,7 @@ class FlashSamples:
         """Read all photos, one after the other. progress: called with the number that are done."""
         beside = _Beside(points, SampleStore(points.sizes, scratch))
         with opencv_in_one_thread():
-            with renderer.load(mesh) as scene:
-                photos = photos.rendered(scene, scratch)
+            photos = photos.seen_on(mesh, renderer, scratch)
             renderer.rest()
             views = photos.views(READING)
             read = project_views(points, views, beside, READING, scratch, progress)

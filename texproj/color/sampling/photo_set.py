@@ -11,6 +11,7 @@ from texproj.camera import Camera
 from texproj.color.sampling.depth_images import DepthImages
 from texproj.color.sampling.part import Elsewhere, Unusable
 from texproj.color.sampling.prepare import view_of
+from texproj.color.sampling.sides import refuse_backs
 from texproj.color.sampling.view import PhotoView
 from texproj.errors import InputError
 from texproj.mesh import Mesh
@@ -51,12 +52,15 @@ class PhotoSet:
 
     def seen_on(self, mesh: Mesh, renderer: Renderer, scratch: Scratch) -> PhotoSet:
         """The same with the depth images of all cameras: those that are known, or rendered now into
-        `scratch`. Nothing of the scene stays in memory.
+        `scratch`. Nothing of the scene stays in memory. Raises InputError for a mesh that they see
+        from behind.
         """
         if self.depths is not None:
             return self
         with renderer.load(mesh) as scene:
-            return self.rendered(scene, scratch)
+            depths = DepthImages.of(self.cameras, scene, scratch)
+        refuse_backs(mesh, depths)
+        return replace(self, depths=depths)
 
     def depth_image(self, number: int) -> tuple[Camera, Floats]:
         """The pinhole camera and the (h, w) depth image of a photo. Raises ValueError where nothing
