@@ -19,13 +19,13 @@ def renderer(request):
         yield renderer
 
 
-@pytest.mark.parametrize("centers", [[BEHIND], [(0.3, 0.2, 3.0), BEHIND, (-0.5, 0.1, 2.8)]])
-def test_a_photo_that_sees_nothing_adds_nothing(renderer, centers):
-    """Photos from behind the surface color none of it and disturb no other photo."""
+def test_a_photo_that_sees_nothing_adds_nothing(renderer):
+    """A photo from behind the surface colors none of it and disturbs no other photo."""
+    centers = [(0.3, 0.2, 3.0), BEHIND, (-0.5, 0.1, 2.8)]
     cameras = [camera(center) for center in centers]
     photos = [picture(c) for c in cameras]
     texture = color_texture(plane(), photo_set(cameras, photos), renderer)
-    assert (texture.quality["seen"] > 0.9) == (len(centers) > 1)
+    assert texture.quality["seen"] > 0.9
     shares = [entry["share"] for entry in texture.quality["photos"]]
     assert shares[centers.index(BEHIND)] == 0
 
