@@ -488,7 +488,7 @@ def test_a_mesh_is_read_for_its_hash_once(root, monkeypatch):
     """However many requests there are; a photo that comes is seen, though."""
     hashed = []
     monkeypatch.setattr(
-        "texproj.project.file_hash", lambda path: hashed.append(path) or file_hash(path)
+        "texproj.hashes.file_hash", lambda path: hashed.append(path) or file_hash(path)
     )
     session = Session(root, PreviewOptions())
     project = session.project
