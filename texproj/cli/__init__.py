@@ -1,6 +1,5 @@
 """The command line: it parses, calls a stage, and says what came of it."""
 
-import gc
 import os
 import signal
 import sys
@@ -17,12 +16,6 @@ from texproj.cli.exits import STOP, STOPPED
 
 __all__ = ["main"]
 
-COLLECTED = 50_000
-"""New objects after which the garbage collector looks for cycles. Modules make some hundred
-thousand that stay, which Python's own 700 would look through again and again: a fortieth of the
-processor time of coloring. Arrays are no such objects and go at once.
-"""
-
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line `arguments` (those of the process by default); return the exit code.
@@ -30,8 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Whoever stops it is answered in a sentence at any moment, also while modules are loaded.
     """
     STOP.clear()
-    before, collected = _listen(), gc.get_threshold()
-    gc.set_threshold(COLLECTED, *collected[1:])
+    before = _listen()
     try:
         from texproj.cli.program import run  # noqa: PLC0415 - stopping is answered meanwhile
 
@@ -43,7 +35,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stderr.write("texproj: stopped; what was done is kept: the same command goes on\n")
         return STOPPED
     finally:
-        gc.set_threshold(*collected)
         for number, handler in before.items():
             signal.signal(number, handler)
 
