@@ -148,27 +148,43 @@ def minimize(
 
     Marquardt damping with Nielsen's update ("Damping parameter in Marquardt's method", 1999).
     """
-    here = _Linearized.at(problem, start, loss)
+    here = _Linearized.around(_Tried.at(problem, start, loss), problem, loss)
     initial_cost, damping, growth = here.cost, options.damping, 2.0
     for iteration in range(1, options.max_iterations + 1):
         delta = here.damped_step(damping)
         predicted = here.predicted_gain(delta)
         if predicted <= options.cost_tolerance * here.cost:
             return here.fit(initial_cost, iteration, "gradient", loss)
-        trial = problem.step(here.x, delta)
-        gained = here.cost - _cost(problem, trial, loss)
+        trial = _Tried.at(problem, problem.step(here.x, delta), loss)
+        gained = here.cost - trial.cost
         if not gained > 0:
             damping, growth = damping * growth, growth * 2
             if damping > MOST_DAMPING:
                 return here.fit(initial_cost, iteration, "stuck", loss)
             continue
         converged = gained <= options.cost_tolerance * here.cost
-        here = _Linearized.at(problem, trial, loss)
+        here = _Linearized.around(trial, problem, loss)
         if converged:
             return here.fit(initial_cost, iteration, "cost", loss)
         damping = max(damping * max(1 / 3, 1 - (2 * gained / predicted - 1) ** 3), LEAST_DAMPING)
         growth = 2.0
     return here.fit(initial_cost, options.max_iterations, "iterations", loss)
+
+
+@dataclass(frozen=True, eq=False)
+class _Tried(Generic[X]):
+    """An x with its residuals and its cost. prior: as of `Problem`."""
+
+    x: X
+    residual: Doubles
+    prior: tuple[Doubles, Any]
+    cost: float
+
+    @classmethod
+    def at(cls, problem: Problem[X], x: X, loss: Loss) -> _Tried[X]:
+        residual, prior = problem.residual(x), problem.prior(x)
+        cost = loss.cost(_squared_length(residual)).sum() + prior[0] @ prior[0]
+        return cls(x, residual, prior, float(cost))
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,14 +200,13 @@ class _Linearized(Generic[X]):
     gradient: Doubles
 
     @classmethod
-    def at(cls, problem: Problem[X], x: X, loss: Loss) -> _Linearized[X]:
-        residual = problem.residual(x)
+    def around(cls, tried: _Tried[X], problem: Problem[X], loss: Loss) -> _Linearized[X]:
+        residual, (prior, prior_jacobian) = tried.residual, tried.prior
         s = _squared_length(residual)
         known = s < FAR**2
         weights = np.where(known, loss.weight(s), 0)
         clean = np.where(known[:, None], residual, 0)
-        jacobian = problem.jacobian(x)
-        prior, prior_jacobian = problem.prior(x)
+        jacobian = problem.jacobian(tried.x)
         prior_hessian = prior_jacobian.T @ prior_jacobian
         if isinstance(jacobian, np.ndarray):
             jacobian = np.where(known[:, None, None], jacobian, 0).reshape(residual.size, -1)
@@ -201,8 +216,7 @@ class _Linearized(Generic[X]):
             hessian, gradient = _summed(jacobian, clean, weights, prior_hessian.shape[0])
             prior_hessian = sparse.csc_array(prior_hessian)
         gradient = gradient + prior_jacobian.T @ prior
-        cost = float(loss.cost(s).sum() + prior @ prior)
-        return cls(x, cost, residual, weights, hessian, prior_hessian, gradient)
+        return cls(tried.x, tried.cost, residual, weights, hessian, prior_hessian, gradient)
 
     def damped_step(self, damping: float) -> Doubles:
         hessian = self.data_hessian + self.prior_hessian
@@ -255,8 +269,3 @@ def _is_sparse(matrix: Any) -> bool:
 def _squared_length(residual: Doubles) -> Doubles:
     s = (residual**2).sum(axis=1)
     return np.minimum(np.where(np.isfinite(s), s, np.inf), FAR**2)
-
-
-def _cost(problem: Problem[X], x: X, loss: Loss) -> float:
-    prior = problem.prior(x)[0]
-    return float(loss.cost(_squared_length(problem.residual(x))).sum() + prior @ prior)
