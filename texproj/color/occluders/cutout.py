@@ -13,9 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.arrays import Bytes, Floats
-
-Bools = NDArray[np.bool_]
+from texproj.arrays import Bools, Bytes, Floats
 
 REACH = 0.012
 """Distance over which points speak for the picture around them, part of its longer side."""

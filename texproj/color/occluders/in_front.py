@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from texproj.arrays import Bytes, Floats
+from texproj.arrays import Bools, Bytes, Floats
 from texproj.camera import Camera, Intrinsics
 from texproj.color.balance.photometry import solve_photometry
 from texproj.color.balance.shared_points import PointObserver, SharedPoints
@@ -27,8 +26,6 @@ from texproj.options import ColorOptions
 from texproj.photo import Photo
 from texproj.render import Renderer, ideal_grid
 from texproj.resources.scratch import Scratch
-
-Bools = NDArray[np.bool_]
 
 LONGEST = 640
 """Longer side, pixels, to which photos are reduced: fine enough for an outline, and a registration

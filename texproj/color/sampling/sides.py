@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from texproj.arrays import Doubles, Floats
+from texproj.arrays import Bools, Doubles, Floats
 from texproj.camera import Camera
 from texproj.color.sampling.depth_images import DepthImages
 from texproj.errors import InputError
-from texproj.mesh import Mesh
+from texproj.mesh import Mesh, face_cross
 
 FACES, CAMERAS = 20_000, 16
 """How many are looked at, spread over all."""
@@ -24,9 +24,8 @@ def refuse_backs(mesh: Mesh, depths: DepthImages) -> None:
     """Raise InputError for a mesh whose faces look away from the cameras that see them: from behind
     nothing gets a color.
     """
-    corners = mesh.vertices[mesh.faces[:: max(1, len(mesh.faces) // FACES)]]
-    center = corners.mean(axis=1)
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    faces = mesh.faces[:: max(1, len(mesh.faces) // FACES)]
+    center, normal = mesh.vertices[faces].mean(axis=1), face_cross(mesh.vertices, faces)
     seen = np.zeros(2)
     for number in range(0, len(depths.stored), max(1, len(depths.stored) // CAMERAS)):
         camera, depth = depths.read(number)
@@ -42,12 +41,9 @@ def refuse_backs(mesh: Mesh, depths: DepthImages) -> None:
         )
 
 
-def _shown(camera: Camera, depth: Floats, points: Doubles) -> np.ndarray:
-    """(n,) which points (n, 3) a camera without distortion sees, by its depth image."""
-    xyz, k = camera.pose.apply(points), camera.intrinsics
-    z = np.where(xyz[:, 2] > 0, xyz[:, 2], np.inf)
-    column, row = (xyz[:, :2] / z[:, None] * (k.fx, k.fy) + (k.cx, k.cy)).T
-    inside = np.isfinite(z) & (column >= 0) & (column < k.width) & (row >= 0) & (row < k.height)
-    at = row[inside].astype(int), column[inside].astype(int)
-    inside[inside] = np.abs(z[inside] - depth[at]) < NEAR * z[inside]
-    return inside
+def _shown(camera: Camera, depth: Floats, points: Doubles) -> Bools:
+    """(n,) which points (n, 3) the camera of a depth image sees."""
+    xy_px, z = camera.project(points)
+    inside = camera.inside(xy_px)
+    column, row = np.where(inside[:, None], xy_px, 0).astype(int).T
+    return inside & (np.abs(z - depth[row, column]) < NEAR * z)
