@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 from page_tools import WEB, builder
-from preview_project import HEIGHT, WIDTH, cameras, corner_points, make_project
+from preview_project import HEIGHT, WIDTH, cameras, corner_points
 
 from texproj.options import RenderOptions
 from texproj.project import Project
@@ -45,16 +45,14 @@ def chromium():
         found.close()
 
 
-def make_page_project(root):
-    """A project with one more photo: the server's own rendering of normals through the lens."""
-    make_project(root)
+def add_lens_photo(root):
+    """One more photo: the server's own rendering of normals through the lens."""
     camera = cameras()[1]
     cv2.imwrite(str(root / "photos" / LENS_PHOTO), rendered_normals(root, camera)[..., ::-1])
     record = CameraRecord(
         LENS_PHOTO, WIDTH, HEIGHT, camera.intrinsics, camera.pose, "registered", "import"
     )
     Project.open(root).save_cameras([record])
-    return root
 
 
 def rendered_normals(root, camera):
@@ -119,6 +117,19 @@ def until(page, expression, seconds=60):
     while not page.evaluate(f"Boolean({expression})"):
         assert time.monotonic() < end, f"waited in vain for {expression}"
         page.wait_for_timeout(50)
+
+
+AS_AT_FIRST = """() => {
+  texproj.chosen = null;
+  texproj.exitPhoto();
+  texproj.change({ layer: 'shaded', opacity: 1, wipe: 1 });
+}"""
+
+
+def as_at_first(page):
+    """Out of the photo that is shown, and back at the bare shape."""
+    page.evaluate(AS_AT_FIRST)
+    until(page, "texproj.look.layer === 'shaded' && texproj.mode === 'view'")
 
 
 def row(page, name):
