@@ -49,29 +49,6 @@ def page(browser, root):
         yield found
 
 
-@pytest.fixture(scope="module")
-def shared(browser, page_template, tmp_path_factory):
-    """One page for tests that only look."""
-    root = shutil.copytree(page_template, tmp_path_factory.mktemp("seen") / "blocks")
-    with running(root) as home, opened(browser, home) as found:
-        yield found
-
-
-AS_AT_FIRST = """() => {
-  texproj.chosen = null;
-  texproj.exitPhoto();
-  texproj.change({ layer: 'shaded', opacity: 1, wipe: 1 });
-}"""
-
-
-@pytest.fixture
-def shown(shared):
-    """The page on which others looked before, out of all photos and back at the bare shape."""
-    shared.evaluate(AS_AT_FIRST)
-    until(shared, "texproj.look.layer === 'shaded' && texproj.mode === 'view'")
-    return shared
-
-
 @pytest.fixture
 def wide(shown):
     """The same page, larger: two pixels and more for each of a photo's."""
