@@ -1,6 +1,7 @@
 """The page in a real browser: what a person sees and does, by real mouse and keyboard events."""
 
 import shutil
+import threading
 import time
 from pathlib import Path
 
@@ -386,25 +387,30 @@ def test_a_phone_shows_everything(browser, root):
 # --- making the model
 
 
-def stage(*steps, last="The model is made from 4 of 5 photos."):
-    """Work of the page that only tells how far it is, as slowly as a person can follow."""
+def stage(*steps):
+    """Work of the page that only tells how far it is: each step until somebody has seen it, for a
+    minute at most; and what says that it was seen.
+    """
+    seen = threading.Semaphore(0)
 
     def work_on(_, progress):
         for step in steps:
-            for _ in range(4):
+            for _ in range(400):
                 progress(*step)
-                time.sleep(0.15)
-        return last
+                if seen.acquire(timeout=0.15):
+                    break
+        return "The model is made from 4 of 5 photos."
 
-    return work_on
+    return work_on, seen
 
 
 @pytest.fixture
 def made(monkeypatch):
-    """A run of three steps."""
-    steps = [("register", 2, 5, "a.png"), ("refine", 0, 1, ""), ("color", 5, 10, "")]
-    run = stage(*steps)
+    """A run of three steps, each of which waits to be seen."""
+    run, seen = stage(("register", 2, 5, "a.png"), ("refine", 0, 1, ""), ("color", 5, 10, ""))
     monkeypatch.setattr(work, "STAGES", {**work.STAGES, "run": ("Make the model", run)})
+    yield seen
+    seen.release(3)
 
 
 def test_one_button_makes_the_model(made, shown):
@@ -418,7 +424,9 @@ def test_one_button_makes_the_model(made, shown):
     assert shown.locator("#do-color").is_disabled()
     until(shown, "document.querySelector('#job-title').textContent.includes('photo 3 of 5')")
     assert shown.title().startswith("\u2026 40 %")
+    made.release()
     until(shown, "document.querySelector('#job-title').textContent.includes('refining')")
+    made.release(2)
     until(shown, "!document.querySelector('#do-run').disabled")
     shown.get_by_text("The model is made from 4 of 5 photos.").wait_for()
 
@@ -428,7 +436,7 @@ def test_one_button_makes_the_model(made, shown):
 
 def test_stop_stops(monkeypatch, shown):
     """The button says so at once; what comes is told as stopped, not as failed."""
-    endless = stage(*[("register", 2, 5, "a.png")] * 10_000)
+    endless, _ = stage(("register", 2, 5, "a.png"))
     monkeypatch.setattr(work, "STAGES", {**work.STAGES, "run": ("Make the model", endless)})
     shown.locator("#do-run").click()
     until(shown, "!document.querySelector('#job').hidden")
