@@ -15,8 +15,9 @@ from scipy import fft
 from texproj.arrays import Bools, Doubles, Index
 from texproj.solve.orientation import Field
 
-BATCH = 64
-"""Patches transformed at once: bounds the memory at ~20 MB."""
+BATCH_BYTES = 1 << 19
+"""Spectra worked on at once: they stay in the processor's cache, which halves the time of patches
+of 41 pixels against 64 of them at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,17 +62,27 @@ class SearchImage:
         )
         return cls(padded, np.maximum(energy, 0, out=energy), size, radius)  # sums were rounded
 
+    @property
+    def spectrum_px(self) -> int:
+        """Rows and columns of the spectra."""
+        return int(fft.next_fast_len(self.size + 2 * self.radius))
+
+    @property
+    def batch(self) -> int:
+        """How many patches are best sought at once."""
+        return max(1, BATCH_BYTES // (8 * self.spectrum_px**2))
+
     def around(self, centers: Index) -> SearchWindows:
         """What a search around (n, 2) pixels x, y looks at."""
-        half, n = self.size // 2, fft.next_fast_len(self.size + 2 * self.radius)
+        half, n = self.size // 2, self.spectrum_px
         spectrum = np.empty((len(centers), n, n), np.complex64)
-        for k in range(0, len(centers), BATCH):
-            part = slice(k, k + BATCH)
+        for k in range(0, len(centers), self.batch):
+            part = slice(k, k + self.batch)
             windows = _windows(self.padded, centers[part], self.size + 2 * self.radius)
-            spectrum[part] = fft.fft2(windows, (n, n))
+            spectrum[part] = _transformed(windows, n)
         # energy of the image patch shifted by d sits at the center of that patch
         energy = _windows(self.energy[half:, half:], centers, 2 * self.radius + 1)
-        return SearchWindows(centers, spectrum, energy, self.size, self.radius)
+        return SearchWindows(centers, spectrum, energy, self.size, self.radius, self.batch)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +90,7 @@ class SearchWindows:
     """Windows of an image in which `size` square patches are sought within +-`radius` pixels.
 
     center: (n, 2) x, y of their middles; spectrum: (n, m, m) complex64; energy: (n, span, span)
-    float32 of the patch at each shift.
+    float32 of the patch at each shift; batch: how many are best sought at once.
     """
 
     center: Index
@@ -87,11 +98,12 @@ class SearchWindows:
     energy: NDArray[np.float32]
     size: int
     radius: int
+    batch: int
 
     def at(self, which: Index) -> SearchWindows:
         """Some of them."""
         center, spectrum, energy = self.center[which], self.spectrum[which], self.energy[which]
-        return SearchWindows(center, spectrum, energy, self.size, self.radius)
+        return SearchWindows(center, spectrum, energy, self.size, self.radius, self.batch)
 
 
 def patch_grid(valid: NDArray[np.bool_], size: int, step: int, filled: float = 0.7) -> Index:
@@ -117,8 +129,8 @@ def match_patches(
     """
     big_t, searched = np.pad(template, size // 2), SearchImage.of(image, size, radius)
     parts = []
-    for k in range(0, len(centers), BATCH):
-        some = centers[k : k + BATCH]
+    for k in range(0, len(centers), searched.batch):
+        some = centers[k : k + searched.batch]
         windows = _windows(big_t, some, size)
         parts.append(_match_batch(windows, searched.around(some), peaks, k))
     return _joined(parts)
@@ -132,8 +144,8 @@ def match_windows(
     many at once as stay in the processor's cache.
     """
     parts = []
-    for k in range(0, len(which), BATCH):
-        some = which[k : k + BATCH]
+    for k in range(0, len(which), searched.batch):
+        some = which[k : k + searched.batch]
         parts.append(_match_batch(windows(some), searched.at(some), 1, k))
     return _joined(parts)
 
@@ -141,14 +153,24 @@ def match_windows(
 def _match_batch(t: Field, searched: SearchWindows, peaks: int, first: int) -> PatchMatches:
     size, span = searched.size, 2 * searched.radius + 1
     t = np.ascontiguousarray(t)
-    spectrum = np.conj(fft.fft2(t, searched.spectrum.shape[1:]))
+    spectrum = _transformed(t, searched.spectrum.shape[1])
+    np.conj(spectrum, out=spectrum)
     spectrum *= searched.spectrum
-    correlation = fft.ifft2(spectrum, overwrite_x=True)[:, :span, :span].real
+    rows = fft.ifft(spectrum, axis=1, overwrite_x=True)[:, :span]  # the others are not looked at
+    correlation = fft.ifft(rows, axis=2)[:, :, :span].real
     own = _squared(t).sum((1, 2)).astype(np.float64)
     score = correlation / np.sqrt(own[:, None, None] * searched.energy + 1e-6)
     patch, shift, value, rank = _peaks(score, searched.radius, peaks)
     source = searched.center[patch].astype(np.float64) + 0.5
     return PatchMatches(patch + first, source, source + shift, value, rank, own / size**2)
+
+
+def _transformed(windows: Field, n: int) -> Field:
+    """(k, n, n) spectra of (k, m, m) windows, zeros around them: rows of zeros are not transformed
+    along themselves.
+    """
+    out: Field = fft.fft(fft.fft(windows, n, axis=2), n, axis=1, overwrite_x=True)
+    return out
 
 
 def _squared(field: Field) -> NDArray[np.float32]:
