@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from texproj.solve.matching import match_patches, patch_grid
+from texproj.solve.matching import SearchImage, match_patches, match_windows, patch_grid
 from texproj.solve.orientation import photo_field, render_field
 from texproj.solve.placement import pivot_px, placements
 
@@ -159,3 +159,23 @@ def test_placement_finds_roll_scale_and_shift():
     assert best.roll_rad == pytest.approx(roll)
     assert best.scale == pytest.approx(scale)
     assert best.shift_px == pytest.approx(shift, abs=1)
+
+
+def test_patches_from_elsewhere_are_found_as_those_of_a_template():
+    """Cut out by hand and sought one set at a time; some of many windows, in any order."""
+    template = photo_field(blobs())
+    image = photo_field(shifted(blobs(), 3, -2))
+    centers = patch_grid(np.ones(template.shape, bool), 15, 9)
+    wanted = match_patches(template, image, centers, 15, 5)
+    which = np.arange(len(centers))[::-1]
+
+    def windows(some):
+        corners = centers[some] - 7
+        padded = np.pad(template, 7)
+        return np.stack([padded[y + 7 : y + 22, x + 7 : x + 22] for x, y in corners])
+
+    found = match_windows(windows, SearchImage.of(image, 15, 5).around(centers), which)
+
+    assert len(found) > 50
+    assert (which[found.patch][::-1] == wanted.patch).all()
+    assert np.abs(found.target_px[::-1] - wanted.target_px).max() < 1e-3

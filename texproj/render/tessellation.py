@@ -51,19 +51,18 @@ class Tessellation:
     @cached_property
     def reach(self) -> Floats:
         """(W,) length of the longest edge at each vertex."""
-        longest = np.zeros(len(self.xyz), np.float32)
+        corners = [self.xyz[self.faces[:, i]] for i in range(3)]
+        opposite = [_squared(corners[i - 1] - corners[i - 2]) for i in range(3)]
+        longest2 = np.zeros(len(self.xyz), np.float32)
         for i in range(3):
-            ends = self.faces[:, i], self.faces[:, i - 1]
-            length = np.linalg.norm(self.xyz[ends[0]] - self.xyz[ends[1]], axis=1)
-            for end in ends:
-                np.maximum.at(longest, end, length)
-        return longest
+            np.maximum.at(longest2, self.faces[:, i], np.maximum(opposite[i - 1], opposite[i - 2]))
+        return np.sqrt(longest2)
 
     def largest_span(self, view: Viewpoint) -> float:
         """A bound on the angle (rad) that any edge not behind the camera spans, seen from there."""
         from_center = self.xyz - view.center
         before = from_center @ view.axis > -self.reach
-        distance = np.linalg.norm(from_center, axis=1) - self.reach
+        distance = np.sqrt(_squared(from_center)) - self.reach
         span = self.reach / np.maximum(distance, view.nearest)
         return float(span.max(where=before, initial=0))
 
@@ -79,44 +78,71 @@ class Tessellation:
         out = self
         for _ in range(MAX_ROUNDS):
             long = _long_edges(out, view, max_span)
-            if not long.any() or len(out.faces) > len(self.faces) + MOST_NEW_FACES:
+            if not len(long.faces) or len(out.faces) > len(self.faces) + MOST_NEW_FACES:
                 break
             out = _split(out, long)
         return out
 
 
-def _long_edges(mesh: Tessellation, view: Viewpoint, max_span: float) -> NDArray[np.bool_]:
-    """(G, 3) whether the edge from corner i to corner i + 1 is to be split; both faces agree."""
-    long = np.zeros(mesh.faces.shape, bool)
-    slack = np.maximum(np.linalg.norm(mesh.xyz - view.center, axis=1) - mesh.reach, view.nearest)
-    suspects = np.flatnonzero((mesh.reach > max_span * slack)[mesh.faces].any(axis=1))
+@dataclass(frozen=True, eq=False)
+class _LongEdges:
+    """faces: (n,) numbers of the faces that are to be split; edges: (n, 3) bool, which of theirs
+    from corner i to corner i + 1.
+    """
+
+    faces: NDArray[np.intp]
+    edges: NDArray[np.bool_]
+
+
+def _long_edges(mesh: Tessellation, view: Viewpoint, max_span: float) -> _LongEdges:
+    """The edges to be split; both faces at one agree."""
+    slack = np.maximum(np.sqrt(_squared(mesh.xyz - view.center)) - mesh.reach, view.nearest)
+    suspects = np.flatnonzero(_of_any_corner(mesh.reach > max_span * slack, mesh.faces))
     ends = _edges(mesh.faces[suspects]).reshape(-1, 2)
     a, b = mesh.xyz[ends[:, 0]] - view.center, mesh.xyz[ends[:, 1]] - view.center
     along = b - a
-    length2 = np.maximum(np.einsum("ij,ij->i", along, along), np.float32(1e-30))
+    length2 = np.maximum(_squared(along), np.float32(1e-30))
     nearest = a + along * np.clip(-np.einsum("ij,ij->i", a, along) / length2, 0, 1)[:, None]
-    distance = np.maximum(np.linalg.norm(nearest, axis=1), view.nearest)
+    distance = np.maximum(np.sqrt(_squared(nearest)), view.nearest)
     before = np.maximum(a @ view.axis, b @ view.axis) > 0
-    long[suspects] = (before & (np.sqrt(length2) > max_span * distance)).reshape(-1, 3)
-    return long
+    long = (before & (np.sqrt(length2) > max_span * distance)).reshape(-1, 3)
+    split = np.flatnonzero(long.any(axis=1))
+    return _LongEdges(suspects[split], long[split])
+
+
+def _of_any_corner(vertices: NDArray[np.bool_], faces: Integers) -> NDArray[np.bool_]:
+    """(G,) what is true of any corner of each face."""
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    return a | b | c
+
+
+def _squared(xyz: Floats) -> Floats:
+    """(n,) squared lengths, several times as fast as by the root that numpy takes."""
+    out: Floats = np.einsum("ij,ij->i", xyz, xyz)
+    return out
 
 
 def _edges(faces: Integers) -> Integers:
     """(n, 3, 2) ends of the edges of faces (n, 3), the smaller number first."""
-    return np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1), axis=-1)
+    after = np.roll(faces, -1, axis=1)
+    return np.stack([np.minimum(faces, after), np.maximum(faces, after)], axis=-1)
 
 
-def _split(mesh: Tessellation, long: NDArray[np.bool_]) -> Tessellation:
+def _split(mesh: Tessellation, long: _LongEdges) -> Tessellation:
     """Every marked edge split in the middle, and its faces into two, three or four."""
-    pairs, number = np.unique(_edges(mesh.faces)[long], axis=0, return_inverse=True)
-    middle = np.full(long.shape, -1, np.int32)
-    middle[long] = number.ravel() + len(mesh.xyz)
-    kept = ~long.any(axis=1)
+    old, count = mesh.faces[long.faces], len(mesh.xyz)
+    ends = _edges(old)[long.edges].astype(np.int64)
+    keys, number = np.unique(ends[:, 0] * count + ends[:, 1], return_inverse=True)
+    pairs = np.stack(np.divmod(keys, count), axis=1).astype(np.int32)
+    middle = np.full(old.shape, -1, np.int32)
+    middle[long.edges] = number + count
+    kept = np.ones(len(mesh.faces), bool)
+    kept[long.faces] = False
     faces, sources = [mesh.faces[kept]], [mesh.face_of[kept]]
-    for corners, middles, source in _rotated(mesh.faces, middle, long):
+    for corners, middles, chosen in _rotated(old, middle, long.edges):
         new = _pieces(corners, middles)
         faces.extend(new)
-        sources.extend([mesh.face_of[source]] * len(new))
+        sources.extend([mesh.face_of[long.faces[chosen]]] * len(new))
     xyz = np.concatenate([mesh.xyz, (mesh.xyz[pairs[:, 0]] + mesh.xyz[pairs[:, 1]]) / 2])
     return Tessellation(xyz, np.concatenate(faces), np.concatenate(sources), (*mesh.rounds, pairs))
 

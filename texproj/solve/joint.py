@@ -7,7 +7,7 @@ another. The point moves with camera j: its ray is cut with the plane that touch
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -105,12 +105,11 @@ class JointPoses:
         and lenses of both.
         """
         for j, rows in self._by_source:
-            xyz = self._met(cameras[j], rows)
-            moved = self._point_jacobian(cameras[j], rows, xyz)
+            moving = self._moving(cameras[j], rows)
             for i, chosen in _grouped(self.ties.to[rows]):
-                own = projection_jacobian(cameras[i], xyz[chosen], self.lenses.names)
+                own = projection_jacobian(cameras[i], moving.xyz[chosen], self.lenses.names)
                 own /= self.sigma_px[i]
-                other = own[:, :, 3:6] @ cameras[i].pose.R @ moved[chosen]
+                other = moving.at(chosen).jacobian(_turned(own[:, :, 3:6], cameras[i].pose.R))
                 own[:, :, self._held[i]] = other[:, :, self._held[j]] = 0
                 columns = np.concatenate([self._columns[i], self._columns[j]])
                 yield JacobianPart(rows[chosen], columns, np.concatenate([own, other], axis=2))
@@ -184,21 +183,17 @@ class JointPoses:
         out: Doubles = camera.center + ray * along[:, None]
         return out
 
-    def _point_jacobian(self, camera: Camera, rows: Index, xyz: Doubles) -> Doubles:
-        """(k, 3, 6 + names) how the surface points (k, 3) of `rows` move with pose and lens of the
-        camera whose rays they are on: their pixels stay.
-        """
-        R = camera.pose.R
-        turn = R.T @ _cross_matrices(camera.pose.apply(xyz))
-        shift = -np.broadcast_to(R.T, (len(xyz), 3, 3))
-        at = projection_jacobian(camera, xyz, self.lenses.names)
-        aside = -np.linalg.solve(at[:, :, 3:5], at[:, :, 6:])
-        by_lens = R[:2].T @ aside
-        free = np.concatenate([turn, shift, by_lens], axis=2)
+    def _moving(self, camera: Camera, rows: Index) -> _MovingPoints:
+        """How the surface points of `rows` move with the camera whose rays they are on."""
+        xyz = self._met(camera, rows)
         ray, normal = xyz - camera.center, self.ties.normal[rows]
         slide = ray / (normal * ray).sum(1, keepdims=True)
-        out: Doubles = free - slide[:, :, None] * (normal[:, None] @ free)
-        return out
+        at = projection_jacobian(camera, xyz, self.lenses.names)
+        (a, b), (c, d) = np.moveaxis(at[:, :, 3:5], 0, -1)
+        across, down = at[:, 0, 6:].T, at[:, 1, 6:].T
+        aside = np.stack([b * down - d * across, c * across - a * down]) / (a * d - b * c)
+        pose = camera.pose
+        return _MovingPoints(xyz, pose.apply(xyz), normal, slide, aside.transpose(2, 0, 1), pose.R)
 
     def _scattered(self, blocks: Doubles, camera: Index) -> sparse.csr_matrix:
         """(2 n, parameters) sparse matrix of (n, 2, 6 + names) blocks, in the columns of their
@@ -220,10 +215,46 @@ def _grouped(numbers: Index) -> list[tuple[int, Index]]:
     return list(zip(values.tolist(), parts, strict=True))
 
 
-def _cross_matrices(v: Doubles) -> Doubles:
-    """(n, 3, 3) matrices C with ``C @ w = v x w``."""
-    out = np.zeros((len(v), 3, 3))
-    out[:, 0, 1], out[:, 0, 2] = -v[:, 2], v[:, 1]
-    out[:, 1, 0], out[:, 1, 2] = v[:, 2], -v[:, 0]
-    out[:, 2, 0], out[:, 2, 1] = -v[:, 1], v[:, 0]
+@dataclass(frozen=True, eq=False)
+class _MovingPoints:
+    """Surface points that move with pose and lens of a camera, since their pixels stay.
+
+    xyz: (k, 3) world; in_cam: (k, 3) the same in its axes; normal: (k, 3) of the planes that they
+    stay on, world; slide: (k, 3) along their rays, of unit length along the normal; aside:
+    (k, 2, names) how ideal coordinates move with the lens, times depth; R: (3, 3) of the camera.
+    """
+
+    xyz: Doubles
+    in_cam: Doubles
+    normal: Doubles
+    slide: Doubles
+    aside: Doubles
+    R: Doubles
+
+    def at(self, which: Index) -> _MovingPoints:
+        """Some of them."""
+        return replace(
+            self, xyz=self.xyz[which], in_cam=self.in_cam[which], normal=self.normal[which],
+            slide=self.slide[which], aside=self.aside[which],
+        )  # fmt: skip
+
+    def jacobian(self, by_point: Doubles) -> Doubles:
+        """(k, 2, 6 + names) derivative by the camera's own parameters of what moves with the points
+        as `by_point` (k, 2, 3), world, says.
+        """
+        along = (by_point * self.slide[:, None]).sum(2, keepdims=True)
+        g = _turned(by_point - along * self.normal[:, None], self.R.T)
+        out = np.empty((len(g), 2, 6 + self.aside.shape[2]))
+        (gx, gy, gz), (x, y, z) = np.moveaxis(g, -1, 0), self.in_cam.T[..., None]
+        out[:, :, 0] = gy * z - gz * y  # a turn moves them by the cross product
+        out[:, :, 1] = gz * x - gx * z
+        out[:, :, 2] = gx * y - gy * x
+        np.negative(g, out=out[:, :, 3:6])
+        out[:, :, 6:] = g[:, :, :1] * self.aside[:, :1] + g[:, :, 1:2] * self.aside[:, 1:]
+        return out
+
+
+def _turned(rows: Doubles, R: Doubles) -> Doubles:
+    """(k, 2, 3) row vectors times R (3, 3), in one product."""
+    out: Doubles = (rows.reshape(-1, 3) @ R).reshape(rows.shape)
     return out

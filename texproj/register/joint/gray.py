@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from texproj.arrays import Floats
 from texproj.photo import Photo
+from texproj.register.joint.looking import looked_up
 
 WHITE = 65535
 """Luma is kept in 16 bits: half of float32, and finer than any photo."""
@@ -42,10 +43,8 @@ class GrayPhoto:
         return self.pixels * np.float32(1 / WHITE)
 
     def at(self, places: Floats) -> Floats:
-        """(n, m) float32 luma in 0..1 at (n, m, 2) places as OpenCV counts them."""
-        luma: Floats = cv2.remap(
-            self.pixels, places, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-        )
+        """(n, m) float32 luma in 0..1 at (2, n, m) places x, y as OpenCV counts them."""
+        luma = looked_up(self.pixels, places, cv2.INTER_LINEAR, cv2.BORDER_REPLICATE)
         return luma * np.float32(1 / WHITE)
 
     def reduced(self, longest_px: int) -> GrayPhoto:

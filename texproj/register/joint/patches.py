@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from texproj.arrays import Doubles, Floats, Index
-from texproj.camera import Camera, Intrinsics, Pose
-from texproj.opencv import FAR_OUTSIDE
+from texproj.arrays import Bools, Doubles, Floats, Index
+from texproj.camera import Camera, Pose
 from texproj.register.joint.gray import GrayPhoto
+from texproj.register.joint.looking import looked_up, pixels_of
 from texproj.register.joint.ties import (
     DEPTH_TOLERANCE,
     LEAST_SCORE,
@@ -24,7 +24,7 @@ from texproj.register.joint.ties import (
 )
 from texproj.render import GBuffer, ideal_grid
 from texproj.solve.joint import Ties
-from texproj.solve.matching import SearchImage, match_windows
+from texproj.solve.matching import SearchWindows, match_windows
 from texproj.solve.orientation import DARK, Field
 
 
@@ -50,8 +50,8 @@ class SurfacePatches:
     """n squares of a photo with the surface under them.
 
     camera: reduced, from which they were rendered; center: (n, 2) x, y of their middle pixels;
-    depth: (n, side, side) float32 of the surface; point, normal: (n, 3) float64 world, of the
-    middle.
+    depth: (side, n, side) float32 of the surface, the squares beside each other; point, normal:
+    (n, 3) float64 world, of the middle.
     """
 
     camera: Camera
@@ -62,12 +62,20 @@ class SurfacePatches:
 
     @cached_property
     def xyz(self) -> Floats:
-        """(n, side, side, 3) the surface in camera axes."""
-        x, y = self.center.T
-        rows, columns = _squares(x, y)
-        ideal = ideal_grid(self.camera.intrinsics)[rows, columns]
-        depth = self.depth[..., None]
-        return np.concatenate([ideal * depth, depth], axis=3)
+        """(3, side, n, side) the surface in camera axes: x, y, z apart."""
+        grid = ideal_grid(self.camera.intrinsics)
+        rows, columns = _squares(*self.center.T)
+        both = grid.view(np.complex64).take(rows * grid.shape[1] + columns)  # x, y at once
+        out = np.empty((3, *self.depth.shape), np.float32)
+        np.multiply(both.real, self.depth, out=out[0])
+        np.multiply(both.imag, self.depth, out=out[1])
+        out[2] = self.depth
+        return out
+
+    @cached_property
+    def probes(self) -> Floats:
+        """(3, 3, n, 3) those of the places that another photo must see."""
+        return np.ascontiguousarray(self.xyz[:, PROBES][..., PROBES])
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,16 +100,18 @@ class Sight:
             depth[mask[every] == 0] = 0
         return cls(camera, depth, stride)
 
-    def sees(self, xyz_in_cam: Floats) -> NDArray[np.bool_]:
-        """(n, m) whether points (n, m, 3) in camera axes are in the picture, and not hidden."""
+    def sees(self, xyz_in_cam: Floats) -> Bools:
+        """(n, m, k) whether points (3, n, m, k) in camera axes are in the picture, and not hidden.
+
+        The points are overwritten.
+        """
+        z = xyz_in_cam[2].copy()
         at = pixels_of(self.camera.intrinsics, xyz_in_cam)
-        at = (at - self.stride // 2) / np.float32(self.stride)
-        there = cv2.remap(
-            self.depth, at, None, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=0
-        )
-        z = xyz_in_cam[..., 2]
+        at -= np.float32(self.stride // 2)
+        at /= np.float32(self.stride)
+        there = looked_up(self.depth, at, cv2.INTER_NEAREST, cv2.BORDER_CONSTANT)
         with np.errstate(invalid="ignore"):
-            out: NDArray[np.bool_] = np.abs(there - z) < DEPTH_TOLERANCE * z
+            out: Bools = np.abs(there - z) < DEPTH_TOLERANCE * z
         return out
 
 
@@ -133,78 +143,63 @@ def surface_patches(
 
 
 def _squares(x: Index, y: Index) -> tuple[Index, Index]:
-    """(n, side, 1) rows and (n, 1, side) columns of the squares around pixels (n,)."""
+    """(side, n, 1) rows and (1, n, side) columns of the squares around pixels (n,)."""
     offset = np.arange(SIDE_PX) - SIDE_PX // 2
-    return (y[:, None] + offset)[:, :, None], (x[:, None] + offset)[:, None, :]
+    return (y + offset[:, None])[:, :, None], (x[:, None] + offset)[None]
 
 
 def find_ties(
-    numbers: tuple[int, int], patches: SurfacePatches, camera: Camera, searched: SearchImage,
-    partner: Partner, most: int,
+    numbers: tuple[int, int], patches: SurfacePatches, seen: Index, searched: SearchWindows,
+    partner: Partner,
 ) -> TieSearch:  # fmt: skip
-    """Ties of photo j to photo i: the patches of i in the colors of j, sought in i where the
-    camera puts them, at most `most` of them. numbers: i and j; camera: that of i now; searched: the
-    field of i.
+    """Ties of photo j to photo i: the patches `seen` of i in the colors of j, sought in i. numbers:
+    i and j; searched: where in the field of i each patch is sought.
     """
-    here, inside = _placed(patches, camera)
-    seen = np.flatnonzero(inside)
-    seen = seen[_seen(patches, seen, partner.sight)]
-    seen = seen[np.linspace(0, len(seen) - 1, min(most, len(seen))).round().astype(int)]
     if not len(seen):
         return TieSearch(_ties(numbers, patches, seen, np.zeros((0, 2)), partner), 0)
-    windows = _in_colors_of(partner, patches, seen)
-    matches = match_windows(windows, searched, here[seen])
+    matches = match_windows(partial(_in_colors_of, partner, patches), searched, seen)
     good = matches.score >= LEAST_SCORE
     chosen = seen[matches.patch[good]]
     return TieSearch(_ties(numbers, patches, chosen, matches.target_px[good], partner), len(seen))
 
 
-def _placed(patches: SurfacePatches, camera: Camera) -> tuple[Index, NDArray[np.bool_]]:
-    """((n, 2) pixels x, y where the camera sees the patches' middles, (n,) is that inside)."""
+def placed(patches: SurfacePatches, camera: Camera) -> tuple[Index, Index]:
+    """((n, 2) pixels x, y where the camera sees the patches' middles, (m,) which of them it sees);
+    0 where it does not.
+    """
     xy = camera.project(patches.point)[0]
     inside = camera.inside(xy)
-    return np.where(inside[:, None], xy, 0).astype(np.intp), inside
+    return np.where(inside[:, None], xy, 0).astype(np.intp), np.flatnonzero(inside)
 
 
-def _seen(patches: SurfacePatches, which: Index, sight: Sight) -> NDArray[np.bool_]:
-    """(k,) whether the other photo sees the whole patch."""
-    probes = patches.xyz[which[:, None, None], PROBES[:, None], PROBES].reshape(len(which), -1, 3)
+def seen_by(partner: Partner, patches: SurfacePatches, which: Index, most: int) -> Index:
+    """(k,) those of the patches `which` that the other photo sees as a whole, `most` of them or
+    fewer, spread evenly.
+    """
     if not len(which):
-        return np.zeros(0, np.bool_)
-    seen = sight.sees(_moved(probes, patches.camera.pose, sight.camera.pose))
-    return np.all(seen, axis=1)
+        return which
+    moved = _moved(
+        patches.probes.take(which, axis=2), patches.camera.pose, partner.sight.camera.pose
+    )
+    seen = which[partner.sight.sees(moved).all(axis=(0, 2))]
+    return seen[np.linspace(0, len(seen) - 1, min(most, len(seen))).round().astype(int)]
 
 
 def _in_colors_of(partner: Partner, patches: SurfacePatches, which: Index) -> Field:
     """(k, size, size) gradient fields of the patches as the other photo shows them."""
-    xyz = patches.xyz[which].reshape(-1, SIDE_PX, 3)
-    at = pixels_of(partner.camera.intrinsics, _moved(xyz, patches.camera.pose, partner.camera.pose))
-    luma = partner.photo.at(at)
-    field = gradient_field(luma).reshape(len(which), SIDE_PX, SIDE_PX)
-    return field[:, MARGIN_PX:-MARGIN_PX, MARGIN_PX:-MARGIN_PX]
+    xyz = _moved(patches.xyz.take(which, axis=2), patches.camera.pose, partner.camera.pose)
+    at = pixels_of(partner.camera.intrinsics, xyz).reshape(2, SIDE_PX, -1)
+    field = gradient_field(partner.photo.at(at)).reshape(SIDE_PX, -1, SIDE_PX)
+    return field[MARGIN_PX:-MARGIN_PX, :, MARGIN_PX:-MARGIN_PX].transpose(1, 0, 2)
 
 
 def _moved(xyz: Floats, pose: Pose, other: Pose) -> Floats:
-    """(n, m, 3) float32 points in the axes of one camera to those of another."""
+    """(3, ...) float32 points in the axes of one camera to those of another."""
     motion = other @ pose.inverse
-    return cv2.transform(xyz, np.concatenate([motion.R, motion.t[:, None]], axis=1))
-
-
-def pixels_of(k: Intrinsics, xyz_in_cam: Floats) -> Floats:
-    """(n, m, 2) float32 where points are in the picture, from the center of its first pixel as
-    OpenCV counts; far outside where they are not seen.
-    """
-    x, y, z = (np.ascontiguousarray(xyz_in_cam[..., axis]) for axis in range(3))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        x, y = x / z, y / z
-    if k.distorted:
-        bent = k.distort_each(x.ravel(), y.ravel())
-        x, y = (side.astype(np.float32).reshape(z.shape) for side in bent)
-    at = np.empty((*z.shape, 2), np.float32)
-    at[..., 0] = x * np.float32(k.fx) + np.float32(k.cx) - np.float32(0.5)
-    at[..., 1] = y * np.float32(k.fy) + np.float32(k.cy) - np.float32(0.5)
-    at[~(np.isfinite(at[..., 0]) & np.isfinite(at[..., 1]) & (z > 0))] = FAR_OUTSIDE
-    return at
+    out: Floats = (motion.R.astype(np.float32) @ xyz.reshape(3, -1)).reshape(xyz.shape)
+    for axis in range(3):
+        out[axis] += np.float32(motion.t[axis])
+    return out
 
 
 def _ties(

@@ -13,7 +13,7 @@ from itertools import count
 
 import numpy as np
 
-from texproj.arrays import Doubles
+from texproj.arrays import Doubles, Index
 from texproj.camera import Camera
 from texproj.register.joint.gray import GrayPhoto
 from texproj.register.joint.patches import (
@@ -22,6 +22,8 @@ from texproj.register.joint.patches import (
     Sight,
     SurfacePatches,
     find_ties,
+    placed,
+    seen_by,
     surface_patches,
 )
 from texproj.register.joint.session import Cameras, Kept, LoadPhoto, OnDisk
@@ -29,7 +31,7 @@ from texproj.register.joint.ties import PATCH_PX, TieSearch, gradient_field
 from texproj.render import Render
 from texproj.resources.threads import opencv_in_one_thread
 from texproj.solve.joint import Ties
-from texproj.solve.matching import SearchImage
+from texproj.solve.matching import SearchImage, SearchWindows
 
 Pair = tuple[int, int]
 
@@ -187,29 +189,30 @@ class TieSearcher:
 
     def _partner(self, k: int, task: TieTask) -> Partner:
         gray, seen = self._photo(k, task.level.longest), task.seen[k]
-        sight = self._sights.fetch((k, seen.number), lambda: self._sight(k, seen.camera))
+        sight = self._sights.fetch((k, seen.number), lambda: self._sight(k, seen, task.level))
         return Partner(task.cameras[k].resized(gray.width, gray.height), gray, sight)
 
-    def _sight(self, k: int, camera: Camera) -> Sight:
+    def _sight(self, k: int, seen: Reference, level: Level) -> Sight:
+        """What photo k sees; patches of that size are chosen in the same picture."""
         gray = self._photo(k, self._sight_px)
-        small = camera.resized(gray.width, gray.height)
-        return Sight.of(small, self._render(small), gray.mask, self._sight_px)
+        small = seen.camera.resized(gray.width, gray.height)
+        images = self._render(small)
+        if level.longest == self._sight_px:
+            key = k, seen.number
+            self._chosen.fetch(key, lambda: surface_patches(small, gray, images, level.density))
+        return Sight.of(small, images, gray.mask, self._sight_px)
 
     def _patches(self, k: int, reference: Reference, level: Level) -> SurfacePatches:
         key = k, reference.number
+        if level.longest == self._sight_px and key not in self._chosen:
+            self._sights.fetch(key, lambda: self._sight(k, reference, level))
         chosen = self._chosen.fetch(key, lambda: self._choose(k, reference, level))
         return replace(chosen)  # a copy: the surface points that it makes go with it
 
     def _choose(self, k: int, reference: Reference, level: Level) -> SurfacePatches:
         gray = self._photo(k, level.longest)
         small = reference.camera.resized(gray.width, gray.height)
-        images = self._render(small)
-        if level.longest == self._sight_px:  # the same picture tells what the photo sees
-            self._sights.fetch(
-                (k, reference.number),
-                lambda: Sight.of(small, images, gray.mask, self._sight_px),
-            )
-        return surface_patches(small, gray, images, level.density)
+        return surface_patches(small, gray, self._render(small), level.density)
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,15 +229,21 @@ class TieJob:
 
     def find(self) -> Found:
         """The ties of each partner."""
-        searched = SearchImage.of(gradient_field(self.gray.luma()), PATCH_PX, self.radius_px)
-        full = self.cameras[self.i]
-        camera = full.resized(self.gray.width, self.gray.height)
-        found = {}
-        for j, partner in self.partners.items():
-            one = find_ties((self.i, j), self.patches, camera, searched, partner, self.most)
-            to, source = (full, camera), (self.cameras[j], partner.camera)
-            found[self.i, j] = replace(one, ties=_at_full_size(one.ties, to, source))
-        return found
+        camera = self.cameras[self.i].resized(self.gray.width, self.gray.height)
+        here, inside = placed(self.patches, camera)
+        seen = {j: seen_by(p, self.patches, inside, self.most) for j, p in self.partners.items()}
+        searched = self._field().around(here)
+        return {(self.i, j): self._ties(j, camera, which, searched) for j, which in seen.items()}
+
+    def _field(self) -> SearchImage:
+        return SearchImage.of(gradient_field(self.gray.luma()), PATCH_PX, self.radius_px)
+
+    def _ties(self, j: int, camera: Camera, seen: Index, searched: SearchWindows) -> TieSearch:
+        """Those to partner j, in pixels of the full-size photos."""
+        partner = self.partners[j]
+        found = find_ties((self.i, j), self.patches, seen, searched, partner)
+        to, source = (self.cameras[self.i], camera), (self.cameras[j], partner.camera)
+        return replace(found, ties=_at_full_size(found.ties, to, source))
 
 
 def _at_full_size(ties: Ties, to: tuple[Camera, Camera], source: tuple[Camera, Camera]) -> Ties:
