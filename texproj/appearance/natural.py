@@ -188,7 +188,8 @@ def _everywhere(
         rows = np.arange(start, min(start + CHUNK, count))
         points = LitPoints(rgb[rows].astype(np.float64), caster.transfer(rows))
         if found.to_sun is not None:
-            sun = caster.sun(rows, found.to_sun, SUN_RAYS).astype(np.float64)
+            spots = caster.cells.spots(rows, SUN_RAYS)
+            sun = caster.sun(spots, found.to_sun).astype(np.float64)
             points = replace(points, sun=sun)
         light = found.fit.irradiance(points)
         irradiance[rows] = light / np.pi / factor

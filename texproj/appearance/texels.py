@@ -64,8 +64,8 @@ class _Lamp:
         if isinstance(light, NaturalLight) and light.to_sun is not None and light.sun is not None:
             self._to_sun = light.to_sun
             self._sun = (light.sun / np.pi).astype(np.float32)
-            everyone = np.arange(len(irradiance))
-            soft = soft - self._caster.sun(everyone, light.to_sun, SUN_RAYS)[:, None] * self._sun
+            spots = self._caster.cells.spots(np.arange(len(irradiance)), SUN_RAYS)
+            soft = soft - self._caster.sun(spots, light.to_sun)[:, None] * self._sun
         self._soft = np.maximum(soft, LEAST_LIGHT * irradiance.mean(axis=0))
 
     def at(self, chunk: Chunk) -> Floats:
