@@ -16,6 +16,7 @@ from texproj.appearance.flash.observations import LampShadows, Surfel
 from texproj.appearance.harmonics import basis
 from texproj.appearance.sun import angle_deg, spiral
 from texproj.appearance.turntable import search
+from texproj.appearance.cells import Spots
 from texproj.appearance.turntable.around import AroundNodes
 from texproj.appearance.turntable.lamps import RoomLight
 from texproj.appearance.turntable.room import Room, room_turns
@@ -189,7 +190,8 @@ def test_what_arrives_in_a_hollow_is_not_what_arrives_beside_it():
     xyz, inwards = np.asarray(ball.vertices, np.float32), np.asarray(ball.faces)[:, ::-1]
     shadows = LampShadows(RayCaster(xyz, inwards), np.zeros(3), 1e-3)
     light = RoomLight(Room(np.eye(3)[None], np.eye(9)[None]), shadows, 2.0)
-    nodes = AroundNodes(light, Surfel(xyz, -xyz), np.eye(9)[:1].repeat(len(xyz), axis=0))
+    spots = Spots(xyz[None], -xyz[None])
+    nodes = AroundNodes(light, Surfel(xyz, -xyz), spots, np.eye(9)[:1].repeat(len(xyz), axis=0))
     sent = nodes.sent(np.full((len(xyz), 3), 0.6), np.ones((9, 3)), [])
     point, photo = np.arange(100), np.zeros(100, int)
 
