@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from texproj.appearance.cells import Spots
 from texproj.appearance.flash.bounce import RAYS, Hits, surface_hits
 from texproj.appearance.flash.observations import Surfel
 from texproj.appearance.turntable.lamps import RoomLamp, RoomLight
@@ -17,9 +16,9 @@ NODE_RAYS = 4
 class AroundNodes:
     """Points of the surface that send light to others."""
 
-    def __init__(self, light: RoomLight, surfels: Surfel, spots: Spots, sky: Doubles) -> None:
-        """surfels: n nodes; spots: of their cells; sky: (n, 9) their transfer."""
-        self._light, self._surfels, self._spots, self._sky = light, surfels, spots, sky
+    def __init__(self, light: RoomLight, surfels: Surfel, sky: Doubles) -> None:
+        """surfels: n nodes; sky: (n, 9) their transfer."""
+        self._light, self._surfels, self._sky = light, surfels, sky
         self._hits: Hits = surface_hits(light.shadows, surfels)
 
     def sent(self, albedo: Doubles, found: Doubles, lamps: list[RoomLamp]) -> Floats:
@@ -35,7 +34,7 @@ class AroundNodes:
             number = np.full(count, photo)
             columns = [self._sky @ self._light.room.harmonics[photo]]
             columns += [
-                self._light.irradiance(lamp, self._spots, everyone, number, NODE_RAYS)[:, None]
+                self._light.irradiance(lamp, self._surfels, everyone, number, NODE_RAYS)[:, None]
                 for lamp in lamps
             ]
             direct = np.maximum(np.column_stack(columns) @ found, 0)

@@ -6,15 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from texproj.appearance.cells import Spots
-from texproj.appearance.flash.observations import LampShadows, dots, unit
+from texproj.appearance.flash.observations import LampShadows, Surfel, dots, unit
 from texproj.appearance.turntable.room import Room
 from texproj.arrays import Doubles, Floats, Index
 from texproj.render.directions import tangents
 
 FAR = np.inf
 RAYS = 8
-"""Over the face of a lamp, each from another spot of what a vertex stands for."""
+"""Over the face of a lamp, where its shadows are to be soft."""
 
 MOST = 1 << 20
 """Rays at a time."""
@@ -31,6 +30,11 @@ class RoomLamp:
     distance: float = FAR
     radius_deg: float = 1.0
 
+    @property
+    def near(self) -> bool:
+        """Whether what stands beside the mesh, as a color chart, gets another light from it."""
+        return bool(np.isfinite(self.distance))
+
 
 @dataclass(frozen=True, eq=False)
 class RoomLight:
@@ -41,26 +45,27 @@ class RoomLight:
     diagonal: float
 
     def irradiance(
-        self, lamp: RoomLamp, spots: Spots, point: Index, photo: Index, rays: int = RAYS
+        self, lamp: RoomLamp, surfels: Surfel, point: Index, photo: Index, rays: int = RAYS
     ) -> Floats:
-        """(m,) of sightings: points of spots, at least as many as rays, in photos; 1 for a surface
-        at the mesh's center that faces the lamp.
+        """(m,) of sightings: points of surfels in photos; 1 for a surface at the mesh's center that
+        faces the lamp.
         """
         out = np.empty(len(point), np.float32)
         step = max(1, MOST // rays)
         for start in range(0, len(point), step):
             rows = slice(start, start + step)
-            out[rows] = self._some(lamp, spots, point[rows], photo[rows], rays)
+            out[rows] = self._some(lamp, surfels, point[rows], photo[rows], rays)
         return out
 
-    def _some(self, lamp: RoomLamp, spots: Spots, point: Index, photo: Index, rays: int) -> Floats:
-        near = np.isfinite(lamp.distance)
+    def _some(
+        self, lamp: RoomLamp, surfels: Surfel, point: Index, photo: Index, rays: int
+    ) -> Floats:
+        near = lamp.near
         reach = np.float32(lamp.distance * self.diagonal if near else 1)
-        step = len(spots.xyz) // rays
+        xyz, normal = surfels.xyz[point], surfels.normal[point]
+        start = xyz + self.shadows.lift * normal
         total = np.zeros(len(point), np.float32)
-        for number, aside in enumerate(_disk(lamp.direction, lamp.radius_deg, rays)):
-            xyz, normal = spots.xyz[number * step][point], spots.normal[number * step][point]
-            start = xyz + self.shadows.lift * normal
+        for aside in _disk(lamp.direction, lamp.radius_deg, rays):
             across = ((lamp.direction + aside) @ self.room.room_from_world).astype(np.float32)
             to, far = unit(across[photo] * reach - xyz) if near else unit(across[photo])
             cosine = dots(normal, to)

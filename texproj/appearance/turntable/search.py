@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from texproj.appearance.cells import Spots
+from texproj.appearance.flash.observations import Surfel
 from texproj.appearance.palette import log_chroma, members
 from texproj.appearance.sightings import Sightings
 from texproj.appearance.sun import around as ring
@@ -43,11 +43,11 @@ QUICK_ROUNDS = 3
 
 @dataclass(frozen=True, eq=False)
 class Lit:
-    """Sightings with all that is known of their light. spots: of the points; sky: (m, 9) irradiance
+    """Sightings with all that is known of their light. surfels: the points; sky: (m, 9) irradiance
     by the room's harmonics; around: (m, 3) from the surface itself; lamps: (m, k) by each lamp.
     """
 
-    spots: Spots
+    surfels: Surfel
     seen: Sightings
     sky: Doubles
     around: Doubles
@@ -63,13 +63,13 @@ class Lit:
 
     def by(self, light: RoomLight, lamp: RoomLamp, rays: int = 8) -> Doubles:
         """(m,) irradiance by a lamp."""
-        shown = light.irradiance(lamp, self.spots, self.seen.point, self.seen.photo, rays)
+        shown = light.irradiance(lamp, self.surfels, self.seen.point, self.seen.photo, rays)
         return shown.astype(np.float64)
 
     def kept(self, rows: Bools) -> Lit:
         """Some of the sightings."""
         seen = self.seen.kept(rows)
-        return Lit(self.spots, seen, self.sky[rows], self.around[rows], self.lamps[rows])
+        return Lit(self.surfels, seen, self.sky[rows], self.around[rows], self.lamps[rows])
 
     def fit(self, start: Doubles | None = None) -> RoomFit:
         """The light of these."""

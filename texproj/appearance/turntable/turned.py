@@ -18,7 +18,7 @@ from texproj.appearance.sightings import Readings, Sightings, point_means
 from texproj.appearance.sun import spiral
 from texproj.appearance.transfer import LightCaster
 from texproj.appearance.turntable.around import AroundNodes
-from texproj.appearance.turntable.lamps import RAYS, RoomLamp, RoomLight
+from texproj.appearance.turntable.lamps import RoomLamp, RoomLight
 from texproj.appearance.turntable.room import Room
 from texproj.appearance.turntable.room_fit import RoomFit, albedo_of, residuals, shown
 from texproj.appearance.turntable.room_verdict import (
@@ -131,7 +131,7 @@ def turntable_appearance(
     )  # fmt: skip
     return Appearance(
         base, *untold(count), effective.astype(np.float32), sure * blend.seen, light, True, "",
-        blend.chart == "scale", verdict,
+        blend.chart == "scale" and not any(lamp.near for lamp in found.lamps), verdict,
     )  # fmt: skip
 
 
@@ -160,13 +160,13 @@ class _Surface:
             self._in_chart(self._readings.of_vertices(chosen)),
             self._readings.surfel(chosen),
         )
-        transfer, spots = self._caster.transfer(chosen), self._caster.cells.spots(chosen, RAYS)
+        transfer = self._caster.transfer(chosen)
         sky = transfer.sky.astype(np.float64)
         lit = Lit(
-            spots, seen, _turned(sky, seen, room),
+            surfels, seen, _turned(sky, seen, room),
             transfer.indirect[seen.point].astype(np.float64), np.zeros((len(seen.point), 0)),
         )  # fmt: skip
-        self._nodes = nodes = AroundNodes(self._light, surfels, spots, sky)
+        self._nodes = nodes = AroundNodes(self._light, surfels, sky)
         held = held_out(len(room.harmonics))
         train = ~held[seen.photo]
         part = lit.kept(train)
@@ -219,12 +219,11 @@ class _Surface:
 
     def _irradiance(self, found: _Found, rows: slice, seen: Sightings) -> Doubles:
         surfels = self._readings.surfel(rows)
-        vertices = np.arange(rows.start, rows.stop)
-        sky = self._caster.transfer(vertices).sky.astype(np.float64)
+        sky = self._caster.transfer(np.arange(rows.start, rows.stop)).sky.astype(np.float64)
         around = self._nodes.arriving_at(surfels, found.sent, seen.point, seen.photo)
         lit = Lit(
-            self._caster.cells.spots(vertices, RAYS), seen, _turned(sky, seen, self._light.room),
-            around, np.zeros((len(seen.point), 0)),
+            surfels, seen, _turned(sky, seen, self._light.room), around,
+            np.zeros((len(seen.point), 0)),
         )  # fmt: skip
         for lamp in found.lamps:
             lit = lit.with_lamp(self._light, lamp)
