@@ -55,7 +55,10 @@ def test_a_mesh_that_is_seen_from_behind_is_refused(cpu):
         color(inside_out, cameras, photos, cpu)
     rows = np.arange(len(mesh.faces)) % 3 == 0
     mixed = Mesh(mesh.vertices, np.where(rows[:, None], mesh.faces, mesh.faces[:, ::-1]))
-    assert color(mixed, cameras, photos, cpu).photo_count.any()
+    colored = color(mixed, cameras, photos, cpu)
+    assert colored.photo_count.any()
+    assert colored.quality["behind"] == pytest.approx(2 / 3, abs=0.03)
+    assert color(mesh, cameras, photos, cpu).quality["behind"] == 0
 
 
 def test_renderers_agree():

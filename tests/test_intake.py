@@ -113,3 +113,30 @@ def test_a_mesh_of_such_a_name_is_refused(tmp_path):
         pytest.skip("this file system takes no such name")
     with pytest.raises(InputError, match="its name is not UTF-8; rename it"):
         _ = Project.open(tmp_path).mesh_path
+
+
+def test_a_link_to_what_is_gone_is_told(tmp_path):
+    """A disk that is not connected takes photos and masks away, which nobody asked for."""
+    (tmp_path / "a.jpg").symlink_to(tmp_path / "disk" / "a.jpg")
+    (tmp_path / "masks").symlink_to(tmp_path / "disk")
+
+    found = find_photos(put(tmp_path, "b.jpg"), (".jpg",))
+    assert list(found.paths) == ["b.jpg"]
+    assert "a.jpg is passed over: it is a link to" in found.notes[0]
+    with pytest.raises(InputError, match=r"masks: it is a link to .*disk, which is not there"):
+        find_masks(tmp_path / "masks", PHOTOS)
+
+
+def test_a_file_in_place_of_a_folder_is_told(tmp_path):
+    """Its picks, masks, photos would be none, in silence."""
+    with pytest.raises(InputError, match="masks is a file where a folder should be"):
+        find_masks(put(tmp_path, "masks") / "masks", PHOTOS)
+
+
+def test_photos_in_a_folder_inside_are_told(tmp_path):
+    """A card that was copied as a whole into photos/ is not used."""
+    (tmp_path / "photos/100CANON").mkdir(parents=True)
+    put(tmp_path / "photos", "a.jpg")
+    put(tmp_path / "photos/100CANON", "b.jpg")
+    (note,) = Project.open(tmp_path).notes
+    assert "photos in" in note and "100CANON are not used; move them to" in note

@@ -266,3 +266,9 @@ def test_a_usdz_holds_png_or_jpeg_of_8_bits_whatever_the_others_hold(image, bits
     assert data.startswith(b"\xff\xd8" if image == "jpeg" else b"\x89PNG")
     if image != "jpeg":
         assert imagecodecs.png_decode(data).dtype == np.uint8
+
+
+def test_no_model_at_all_is_a_question():
+    """`models = []` was taken for "auto"."""
+    with pytest.raises(UsageError, match="models: none is named; choose from glb, obj, usdz"):
+        output_plan(ColorOptions(), OutputOptions(models=()))

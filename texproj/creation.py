@@ -14,6 +14,7 @@ from texproj.formats.meshes.companions import companions
 from texproj.formats.photos import PHOTO_SUFFIXES, RAW_SUFFIXES, SAID, read_photo, read_photo_info
 from texproj.intake import (
     find_photos,
+    folders_of_photos,
     one_per_shot,
     refuse_same_stems,
     shown,
@@ -121,8 +122,7 @@ def _given(place: Path, tell: Tell) -> list[Path]:
 def _photos_in(folder: Path, tell: Tell) -> list[Path]:
     """The photos of a folder; those of its folders if there are none, as in a camera's DCIM."""
     here = find_photos(folder, PHOTO_SUFFIXES)
-    below = sorted(p for p in folder.iterdir() if p.is_dir() and not p.name.startswith("."))
-    inside = {place: find_photos(place, PHOTO_SUFFIXES) for place in below}
+    inside = folders_of_photos(folder, PHOTO_SUFFIXES)
     holding = {place: found for place, found in inside.items() if found.paths}
     for note in here.notes:
         tell(note)

@@ -64,8 +64,8 @@ def find_photos(folder: Path, suffixes: Sequence[str]) -> Found:
     """The photos in a folder, in the order of their names, and what was passed over."""
     paths: dict[str, Path] = {}
     passed: list[Path] = []
-    notes = []
-    for path in _visible(folder):
+    files, notes = _visible(folder)
+    for path in files:
         if path.suffix.lower() in suffixes:
             why = unusable_name(path.name)
             if why:
@@ -75,6 +75,14 @@ def find_photos(folder: Path, suffixes: Sequence[str]) -> Found:
         elif path.suffix.lower() in NOT_READ:
             passed.append(path)
     return Found(paths, (*notes, *_not_read(folder, passed)))
+
+
+def folders_of_photos(folder: Path, suffixes: Sequence[str]) -> dict[Path, Found]:
+    """What `find_photos` finds in the folders of a folder, where it finds any."""
+    inside = folder.iterdir() if folder.is_dir() else ()
+    below = sorted(place for place in inside if place.is_dir() and not place.name.startswith("."))
+    found = {place: find_photos(place, suffixes) for place in below}
+    return {place: photos for place, photos in found.items() if photos.paths or photos.notes}
 
 
 def _not_read(folder: Path, passed: Sequence[Path]) -> list[str]:
@@ -132,7 +140,7 @@ def find_picks(folder: Path, photos: Iterable[str]) -> Found:
 
 def find_crossed(folder: Path, photos: Iterable[str], suffixes: Sequence[str]) -> Found:
     """The partners of photos, taken through crossed polarizers: the same name, of any format."""
-    return _matched(folder, photos, suffixes, (), "a photo") if folder.is_dir() else Found({})
+    return _matched(folder, photos, suffixes, (), "a photo")
 
 
 def one_of(found: Found, photo: str) -> Path | None:
@@ -159,9 +167,9 @@ def _matched(
 ) -> Found:
     owners = {plain(key): name for name in photos for key in (name, Path(name).stem)}
     claims: dict[str, list[Path]] = {}
-    notes = []
     strays = 0
-    for path in _visible(folder):
+    files, notes = _visible(folder)
+    for path in files:
         if path.suffix.lower() not in suffixes:
             notes.append(f"{shown(path)} is ignored: it is not {kind}")
             continue
@@ -193,25 +201,41 @@ def _owner(stem: str, owners: Mapping[str, str], endings: Sequence[str]) -> str 
     return None
 
 
-def _visible(folder: Path) -> list[Path]:
-    """The files of a folder that the system does not hide, in the order of their names."""
+def _visible(folder: Path) -> tuple[list[Path], list[str]]:
+    """The files of a folder that the system does not hide, in the order of their names, and a
+    sentence for each link to a file that is gone. Raises InputError where the folder is none.
+    """
+    if why := points_nowhere(folder):
+        raise InputError(f"{shown(folder)}: {why}")
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{shown(folder)} is a file where a folder should be; move it away")
     if not folder.is_dir():
-        return []
+        return [], []
     hidden = ("thumbs.db", "desktop.ini")
-    found = (path for path in folder.iterdir() if not path.name.startswith("."))
-    return sorted(path for path in found if path.name.lower() not in hidden and path.is_file())
+    found = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
+    gone = [
+        f"{shown(path)} is passed over: {why}" for path in found if (why := points_nowhere(path))
+    ]
+    return [path for path in found if path.name.lower() not in hidden and path.is_file()], gone
+
+
+def points_nowhere(path: Path) -> str:
+    """Why a link cannot be followed; empty if it can, and for what is no link."""
+    if not path.is_symlink() or path.exists():
+        return ""
+    return f"it is a link to {shown(path.readlink())}, which is not there; is its disk connected?"
 
 
 def the_one_mesh(folder: Path, suffixes: Sequence[str], settings: Path) -> Path:
     """The mesh in a folder. Raises InputError for none, or for more than one to choose from, which
     the file `settings` can.
     """
-    here = folder.iterdir() if folder.is_dir() else ()
-    files = (path for path in here if path.is_file() and not path.name.startswith("."))
-    found = sorted(path for path in files if path.suffix.lower() in suffixes)
+    files, gone = _visible(folder)
+    found = [path for path in files if path.suffix.lower() in suffixes]
     if not found:
         kinds = ", ".join(suffix[1:] for suffix in suffixes)
-        raise InputError(f"no mesh in {folder}; put one file there ({kinds})")
+        said = "".join(f" ({note})" for note in gone)
+        raise InputError(f"no mesh in {folder}; put one file there ({kinds}){said}")
     if len(found) > 1:
         names = ", ".join(path.name for path in found)
         raise InputError(

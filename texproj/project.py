@@ -29,8 +29,10 @@ from texproj.intake import (
     find_masks,
     find_photos,
     find_picks,
+    folders_of_photos,
     one_of,
     one_per_shot,
+    points_nowhere,
     refuse_same_stems,
     shown,
     the_one_mesh,
@@ -99,9 +101,8 @@ class Project:
         if self.settings.mesh is not None:
             path = self.root / self.settings.mesh
             if not path.is_file():
-                raise InputError(
-                    f"no mesh at {path}; correct `mesh` in {self.root / SETTINGS_FILE}"
-                )
+                what = points_nowhere(path) or f"correct `mesh` in {self.root / SETTINGS_FILE}"
+                raise InputError(f"no mesh at {path}; {what}")
             return path
         return the_one_mesh(self.root / "mesh", MESH_SUFFIXES, self.root / SETTINGS_FILE)
 
@@ -173,7 +174,18 @@ class Project:
     @property
     def notes(self) -> tuple[str, ...]:
         """A sentence for each file that a person put here and that nothing uses."""
-        return (*self._photos.notes, *self._taken.notes, *self._masks.notes, *self._picks.notes)
+        found = self._photos, self._taken, self._masks, self._picks
+        return tuple(note for one in found for note in one.notes) + self._folders_passed_over
+
+    @property
+    def _folders_passed_over(self) -> tuple[str, ...]:
+        """Of photos, inside the folder of the photos."""
+        inside = folders_of_photos(self.photos, PHOTO_SUFFIXES)
+        return tuple(
+            f"photos in {shown(place)} are not used; move them to {self.photos}"
+            for place, found in inside.items()
+            if found.paths
+        )
 
     @property
     def photo_names(self) -> list[str]:

@@ -103,7 +103,7 @@ def color_texture(
             fill_page(page, points.inside(number, page.shape))
     failed = reasons(failures(found), projected.failed)
     quality = coverage(counts, sum(points.sizes)) | charted | per_alignment(names, found)
-    quality |= {"preference": chosen.preference}
+    quality |= {"behind": photos.seen_from_behind, "preference": chosen.preference}
     quality |= {"photos": per_photo(names, light, focus, share, failed)}
     quality |= {"lenses": per_lens(names, light), "atlas": asdict(atlas.stats)}
     notes = (note,) if note else ()

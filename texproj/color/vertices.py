@@ -69,7 +69,7 @@ def color_vertices(
             share += result.share
     failed = reasons(failures(found), projected.failed)
     quality = coverage([count], len(count)) | charted | per_alignment(names, found)
-    quality |= {"preference": options.preference}
+    quality |= {"behind": photos.seen_from_behind, "preference": options.preference}
     quality |= {"photos": per_photo(names, light, focus, share, failed)}
     quality |= {"lenses": per_lens(names, light)}
     filled = fill_vertices(mesh, np.sqrt(rgb), weight > 0) ** 2

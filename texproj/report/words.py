@@ -24,6 +24,7 @@ QUALITY: dict[str, tuple[str, Callable[[Any], str]]] = {
     "seen": ("seen", _part("the surface is seen by a photo")),
     "seen_by_one": ("seen once", _part("that by one photo alone")),
     "photos_per_point": ("seen by", lambda value: f"{value:.1f} photos on the mean"),
+    "behind": ("backs", _part("what photos see of the surface is the back of faces")),
     "preference": ("preference", lambda value: f"{value:g} for the best of the photos that agree"),
     "patches": ("patches", _count("pieces of single photos")),
     "cut_for_overlap": ("cut", _count("pieces, since they would overlap on the page")),

@@ -50,6 +50,8 @@ STAGE = "color"
 VERSION = 4
 DOUBTFUL = 0.6
 """Part of what a photo shows of the piece beyond which contradiction is as likely its camera's."""
+TOLD_BEHIND = 0.15
+"""Right meshes show 1 to 6 % backs, through holes and at thin parts (fountain-P11, the stele)."""
 SECTIONS = ("color", "unwrap", "patches", "output", "render")
 
 
@@ -321,9 +323,21 @@ def _left_out(name: str, told: dict[str, Any]) -> str:
     )
 
 
+def _turned(quality: dict[str, Any]) -> tuple[str, ...]:
+    """The sentence about a mesh of which many faces look away from the photos."""
+    behind = quality.get("behind", 0.0)
+    if behind < TOLD_BEHIND:
+        return ()
+    return (
+        f"{behind:.0%} of what the photos see of the mesh is the back of its faces, which gets no"
+        " color; turn these over (MeshLab: Filters, Normals, Re-Orient All Faces Coherently)",
+    )
+
+
 def _outcome(project: Project, record: dict[str, Any], kept: bool) -> ColorOutcome:
     files, used = tuple(record["outputs"]), tuple(record["used"])
     hidden = record.get("occluders", {})
-    notes = (*record.get("mesh notes", ()), *(_left_out(n, told) for n, told in hidden.items()))
     failed, quality = record["failed"], record["quality"]
+    left_out = (_left_out(n, told) for n, told in hidden.items())
+    notes = (*record.get("mesh notes", ()), *_turned(quality), *left_out)
     return ColorOutcome(project.out, files, used, failed, quality, notes, kept)

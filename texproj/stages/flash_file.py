@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
+from pydantic import Strict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
 from texproj.errors import InputError
@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from texproj.appearance.flash.lamp import Lamp
 
 FORMAT: Literal["texproj-flash"] = "texproj-flash"
-Vector = tuple[float, float, float]
+Number = Annotated[float, Strict()]
+"""A number of JSON: no word of one, and neither true nor false."""
+Vector = tuple[Number, Number, Number]
 FARTHEST = 1e6
 """Of a flash from its lens, units of the scan: more is a slip of the pen, and single precision ends
 at it.
@@ -42,12 +44,12 @@ class FlashFile:
     version: Literal[1]
     lamp: Vector
     axis: Vector
-    profile: tuple[float, ...]
-    widest_deg: float
-    vignetting: tuple[float, ...]
-    reach: float
-    intensity: float | None
-    quality: dict[str, float]
+    profile: tuple[Number, ...]
+    widest_deg: Number
+    vignetting: tuple[Number, ...]
+    reach: Number
+    intensity: Number | None
+    quality: dict[str, Number]
 
 
 def flash_text(lamp: Lamp, quality: dict[str, float]) -> str:

@@ -75,7 +75,9 @@ def output_plan(
     textured = color.to != "vertices"
     possible: tuple[Kind, ...] = ("glb", "obj", "usdz") if textured else ("ply", "glb")
     asked: set[Kind] = {model for model in output.models if model != "auto"}
-    if "auto" in output.models or not asked:
+    if not output.models:
+        raise UsageError(f"models: none is named; choose from {', '.join(possible)}, or auto")
+    if "auto" in output.models:
         asked |= set(possible) - ON_REQUEST if textured else {"ply"}
         asked |= {"glb"} if color.bits == 16 else set()
     for model in sorted(asked - set(possible)):

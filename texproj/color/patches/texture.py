@@ -96,7 +96,7 @@ def color_patches(
         for number, page in enumerate(pages):
             fill_page(page, texels.inside(number, page.shape))
     why = reasons(failed, pixels.failed)
-    quality = quality_of(mesh, atlas, labels) | charted
+    quality = quality_of(mesh, atlas, labels) | charted | {"behind": photos.seen_from_behind}
     quality |= {"photos": per_patched_photo(mesh, labels, photos.names, light.gains, why)}
     return Texture(atlas, tuple(pages), tuple(counts), quality, why)
 

@@ -23,10 +23,14 @@ class _Stored:
 
 @dataclass(frozen=True, eq=False)
 class DepthImages:
-    """What each camera sees, so that the renderer is needed no longer."""
+    """What each camera sees, so that the renderer is needed no longer.
+
+    behind: the part of it that is the back of faces.
+    """
 
     stored: tuple[_Stored, ...]
     scratch: Scratch
+    behind: float = 0.0
 
     @classmethod
     def of(cls, cameras: Sequence[Camera], scene: Scene, scratch: Scratch) -> DepthImages:

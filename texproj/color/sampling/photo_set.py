@@ -11,7 +11,7 @@ from texproj.camera import Camera
 from texproj.color.sampling.depth_images import DepthImages
 from texproj.color.sampling.part import Elsewhere, Unusable
 from texproj.color.sampling.prepare import view_of
-from texproj.color.sampling.sides import refuse_backs
+from texproj.color.sampling.sides import seen_from_behind
 from texproj.color.sampling.view import PhotoView
 from texproj.errors import InputError
 from texproj.mesh import Mesh
@@ -59,8 +59,12 @@ class PhotoSet:
             return self
         with renderer.load(mesh) as scene:
             depths = DepthImages.of(self.cameras, scene, scratch)
-        refuse_backs(mesh, depths)
-        return replace(self, depths=depths)
+        return replace(self, depths=replace(depths, behind=seen_from_behind(mesh, depths)))
+
+    @property
+    def seen_from_behind(self) -> float:
+        """The part of what is seen of the mesh that is the back of its faces."""
+        return 0.0 if self.depths is None else self.depths.behind
 
     def depth_image(self, number: int) -> tuple[Camera, Floats]:
         """The pinhole camera and the (h, w) depth image of a photo. Raises ValueError where nothing

@@ -20,9 +20,9 @@ NEAR = 0.01
 """A face's center is seen where its depth differs from the depth image by this part at most."""
 
 
-def refuse_backs(mesh: Mesh, depths: DepthImages) -> None:
-    """Raise InputError for a mesh whose faces look away from the cameras that see them: from behind
-    nothing gets a color.
+def seen_from_behind(mesh: Mesh, depths: DepthImages) -> float:
+    """The part of what the cameras see of the mesh that is the back of its faces, where nothing
+    gets a color. Raises InputError for a mesh of which they see little else.
     """
     faces = mesh.faces[:: max(1, len(mesh.faces) // FACES)]
     center, normal = mesh.vertices[faces].mean(axis=1), face_cross(mesh.vertices, faces)
@@ -33,12 +33,14 @@ def refuse_backs(mesh: Mesh, depths: DepthImages) -> None:
         towards /= np.maximum(np.linalg.norm(camera.center - center, axis=1), 1e-300)
         shown = towards[_shown(camera, depth, center)]
         seen += shown[shown > 0].sum(), -shown[shown < 0].sum()
-    if seen[1] > MOST_BEHIND * seen.sum():
+    behind = float(seen[1] / max(seen.sum(), 1e-300))
+    if behind > MOST_BEHIND:
         raise InputError(
-            f"the faces of the mesh look away from the photos: {seen[1] / seen.sum():.0%} of what"
-            " is seen of it is its back, which gets no color; turn them over (MeshLab: Filters,"
-            " Normals, Invert Faces Orientation)"
+            f"the faces of the mesh look away from the photos: {behind:.0%} of what is seen of it"
+            " is its back, which gets no color; turn them over (MeshLab: Filters, Normals, Invert"
+            " Faces Orientation)"
         )
+    return behind
 
 
 def _shown(camera: Camera, depth: Floats, points: Doubles) -> Bools:
