@@ -17,6 +17,7 @@ from skimage.color import deltaE_ciede2000
 
 from texproj.appearance.days import of_several_days
 from texproj.appearance.harmonics import OPEN_GAINS, basis
+from texproj.appearance.light_fit import GLOSS
 from texproj.appearance.natural import natural_appearance
 from texproj.appearance.palette import clusters, members
 from texproj.appearance.sun import angle_deg, spiral
@@ -192,7 +193,7 @@ def test_two_days_make_one_surface():
     assert both.accepted
     assert set(both.light.days) == {"17", "18"}
     errors = [np.median(off(a.base, albedo, True)) for a in (both, sunny, cloudy)]
-    assert errors[0] < min(errors[1:]) + 0.1
+    assert errors[0] < min(errors[1:]) + 0.2
     refused = replace(cloudy, accepted=False, reason="too dark", base=rgb)
     alone = of_several_days(mesh, {"17": sunny, "18": refused}, rgb, seen)
     assert alone.base == pytest.approx(sunny.base, abs=1e-5)
@@ -224,7 +225,7 @@ def test_colors_are_base_times_irradiance():
     _, _, rgb = lit(CLOUDY)
     found, _, _ = found_in(CLOUDY)
 
-    again = (found.base + np.float32(0.04)) * found.irradiance
+    again = (found.base + np.float32(GLOSS)) * found.irradiance
     inside = (found.base < 1).all(axis=1) & (found.base > 0.02).all(axis=1)
     assert inside.mean() > 0.8
     assert np.abs(again - rgb)[inside].max() < 1e-3
