@@ -110,6 +110,13 @@ class LightCaster:
         total = sum(self._cosine(xyz, normals, one) for xyz, normals, one in parts)
         return np.asarray(total, np.float32) / np.float32(len(toward))
 
+    def sun_on(self, vertices: Index, to_sun: Doubles) -> Floats:
+        """(n,) the same of some of the vertices, by `SUN_RAYS` spots each, some at a time."""
+        step = max(1, CHUNK // SUN_RAYS)
+        parts = [vertices[start : start + step] for start in range(0, len(vertices), step)]
+        shown = [self.sun(self.cells.spots(part, SUN_RAYS), to_sun) for part in parts]
+        return np.concatenate([np.zeros(0, np.float32), *shown])
+
     def sun_at(self, xyz: Floats, normals: Floats, to_sun: Doubles, rays: int) -> Floats:
         """(n,) the same at points (n, 3) of the surface, relative to the mesh's center, with unit
         normals (n, 3): each looks at all of the disk.
