@@ -12,10 +12,11 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from texproj.arrays import Doubles, Floats
 from texproj.camera import Camera, Intrinsics, Pose
-from texproj.demo.object import Piece, carved, piece, scanned
+from texproj.demo.object import carved, piece, scanned
 from texproj.demo.pattern import Pattern, painted
 from texproj.mesh import Mesh, face_areas, vertex_normals
 from texproj.photo import srgb_from_linear
@@ -29,10 +30,14 @@ DEPTH = 6
 SIZE = (480, 360)
 SKY_SIZE = (128, 64)
 FIELD_DEG = 40.0
+DENSE, DRAWS = 40, 32
+"""Points of the true surface for each of its vertices, and of them for each of the scan's."""
+
 DISTANCE = 1.5
 """Of the cameras, in diagonals of the piece."""
 
 Weather = Literal["sun", "cloudy"]
+Kind = Literal["stele", "capital", "knot"]
 
 
 @dataclass(frozen=True)
@@ -62,82 +67,127 @@ DAYS = {
 
 @dataclass(frozen=True, eq=False)
 class Set:
-    """mesh: the scan; albedo: (V, 3) float32 linear, true at its vertices; cameras and (h, w, 3)
-    uint8 photos by name; light: the day; true: the shape that was photographed.
+    """mesh: the scan; albedo: (V, 3) float32 linear, true around its vertices, over what a pixel of
+    480 by 360 may show; own: the same over what each vertex stands for, see `as_cells_show`;
+    cameras and (h, w, 3) uint8 photos by name; light: the day; true: the shape that was
+    photographed, and paint (V', 3) at its vertices, between which Mitsuba interpolates.
     """
 
     mesh: Mesh
     albedo: Floats
+    own: Floats
     cameras: dict[str, Camera]
     photos: dict[str, np.ndarray]
     light: Light
     true: Mesh
+    paint: Floats
 
 
 def natural_set(
-    kind: Literal["stele", "capital"],
+    kind: Kind,
     weather: Weather,
     photos: int = 12,
     samples: int = 16,
     gold: bool = False,
     seed: int = 3,
+    width: int = SIZE[0],
 ) -> Set:
     """One set; deterministic but for the renderer's rounding. The capital has its own 54,000 faces,
-    the stele is a scan of 40,000 faces of other places, 0.4 mm off, of 120,000.
+    the stele is a scan of 40,000 faces of other places, 0.4 mm off, of 120,000, the knot one of
+    45,000, 0.3 mm off. width: of the photos, pixels, 4 : 3.
     """
     import mitsuba as mi
 
     mi.set_variant(VARIANT)
-    made = piece(kind, seed)
-    true, scan = _shapes(kind, made, seed)
+    true, scan = _shapes(kind, seed)
     pattern = _gold if gold else painted(seed)
+    paint = pattern(true.vertices.astype(np.float32))
     light = DAYS[weather]
     scene = mi.load_dict({
         "type": "scene",
         "integrator": {"type": "path", "max_depth": DEPTH},
-        "piece": _shape(mi, true, pattern(true.vertices.astype(np.float32)), gold),
+        "piece": _shape(mi, true, paint, gold),
         "sky": {"type": "envmap", "bitmap": mi.Bitmap(sky_image(light)), "scale": 1.0},
     })  # fmt: skip
     cameras, pictures = {}, {}
-    for number, camera in enumerate(all_around(scan, photos, seed)):
+    for number, camera in enumerate(all_around(scan, photos, seed, (width, width * 3 // 4))):
         name = f"IMG_{number:03d}.png"
         radiance = _taken(mi, scene, camera, samples, number)
         cameras[name], pictures[name] = camera, developed(radiance, seed * 100 + number)
-    albedo = as_pixels_show(pattern, scan)
-    return Set(scan, albedo, cameras, pictures, light, true)
+    truth = as_pixels_show(pattern, scan), as_cells_show(true, paint, scan)
+    return Set(scan, *truth, cameras, pictures, light, true, paint)
 
 
-def turntable_set(
-    kind: Literal["stele", "capital"], photos: int = 24, samples: int = 32, seed: int = 3
-) -> Set:
+def turntable_set(kind: Kind, photos: int = 24, samples: int = 32, seed: int = 3) -> Set:
     """A piece that is turned on a gray plate before a white wall, the camera at two heights: a soft
     lamp to its left, a weaker one to its right. light: none of the sun and sky. Shapes as above.
     """
     import mitsuba as mi
 
     mi.set_variant(VARIANT)
-    made = piece(kind, seed)
-    true, scan = _shapes(kind, made, seed)
+    true, scan = _shapes(kind, seed)
     pattern = painted(seed)
-    shape = _shape(mi, true, pattern(true.vertices.astype(np.float32)), False)
+    paint = pattern(true.vertices.astype(np.float32))
+    shape = _shape(mi, true, paint, False)
     rng = np.random.default_rng(seed)
     cameras, pictures = {}, {}
     for number in range(photos):
         turn = 2 * np.pi * (number + 0.5 * (number % 2)) / photos + rng.uniform(-0.05, 0.05)
-        camera = _at(scan, turn, np.radians((12.0, 36.0)[number % 2]))
+        camera = _at(scan, turn, np.radians((12.0, 36.0)[number % 2]), SIZE)
         scene = mi.load_dict(_studio(mi, scan, turn) | {"piece": shape})
         radiance = _taken(mi, scene, camera, samples, number)
         name = f"IMG_{number:03d}.png"
         cameras[name], pictures[name] = camera, developed(radiance, seed * 100 + number)
-    return Set(scan, as_pixels_show(pattern, scan), cameras, pictures, DAYS["cloudy"], true)
+    truth = as_pixels_show(pattern, scan), as_cells_show(true, paint, scan)
+    return Set(scan, *truth, cameras, pictures, DAYS["cloudy"], true, paint)
 
 
-def _shapes(kind: str, made: Piece, seed: int) -> tuple[Mesh, Mesh]:
+def _shapes(kind: Kind, seed: int) -> tuple[Mesh, Mesh]:
     """What is photographed, and its scan."""
+    if kind == "knot":
+        return knots(seed)
+    made = piece(kind, seed)
     if kind == "capital":
         true = carved(made, 54_000)
         return true, true
     return carved(made, 120_000), scanned(made, 40_000, 0.0004, seed)
+
+
+def knots(seed: int) -> tuple[Mesh, Mesh]:
+    """A smooth tube, knotted, and a scan of it by other points, 0.3 mm off."""
+    true, scan = knot(1000, 60), knot(610, 37)
+    rng = np.random.default_rng(seed)
+    off = 0.0003 * rng.standard_normal((len(scan.vertices), 1))
+    return true, Mesh(scan.vertices + off * vertex_normals(scan), scan.faces)
+
+
+def knot(along: int, around: int) -> Mesh:
+    """A (2, 3) torus knot, .5 m wide, of 2 along x around triangles, its seam smooth."""
+    t = 2 * np.pi * np.arange(along) / along
+
+    def middle(t: Doubles) -> Doubles:
+        r = 2 + np.cos(3 * t)
+        return 0.083 * np.column_stack([r * np.cos(2 * t), r * np.sin(2 * t), -np.sin(3 * t)])
+
+    ahead = middle(t + 1e-4) - middle(t - 1e-4)
+    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+    out = middle(t) - 0.166 * np.column_stack([np.cos(2 * t), np.sin(2 * t), 0 * t])
+    out -= ahead * np.einsum("ij,ij->i", out, ahead)[:, None]
+    out /= np.linalg.norm(out, axis=1, keepdims=True)
+    side = np.cross(ahead, out)
+    turn = 2 * np.pi * np.arange(around) / around
+    ring = 0.036 * (
+        np.cos(turn)[None, :, None] * out[:, None] + np.sin(turn)[None, :, None] * side[:, None]
+    )
+    xyz = (middle(t)[:, None] + ring).reshape(-1, 3)
+    i, j = np.meshgrid(np.arange(along), np.arange(around), indexing="ij")
+    at = i * around + j
+    on, up = (i + 1) % along * around + j, i * around + (j + 1) % around
+    both = (i + 1) % along * around + (j + 1) % around
+    faces = np.concatenate([
+        np.stack([at, both, on], -1).reshape(-1, 3), np.stack([at, up, both], -1).reshape(-1, 3),
+    ])  # fmt: skip
+    return Mesh(xyz, faces)
 
 
 def _studio(mi: Any, mesh: Mesh, turn: float) -> dict[str, Any]:
@@ -194,6 +244,30 @@ def as_pixels_show(pattern: Pattern, mesh: Mesh) -> Floats:
     return (total / 16).astype(np.float32)
 
 
+def as_cells_show(true: Mesh, paint: Floats, scan: Mesh) -> Floats:
+    """(V, 3) what was photographed, paint (V', 3) between the true shape's vertices, averaged over
+    what each vertex of the scan stands for: a disk of a third of the area of its faces.
+    """
+    rng = np.random.default_rng(5)
+    area = face_areas(true)
+    face = true.faces[rng.choice(len(area), DENSE * len(true.vertices), p=area / area.sum())]
+    root, along = np.sqrt(rng.random(len(face))), rng.random(len(face))
+    part = np.stack([1 - root, root * (1 - along), root * along], axis=1)
+    xyz, shown = (np.einsum("nk,nkc->nc", part, x[face]) for x in (true.vertices, paint))
+    tree, normals = cKDTree(xyz), vertex_normals(scan)
+    third = np.repeat(face_areas(scan) / 3, 3)
+    radius = np.sqrt(np.bincount(scan.faces.ravel(), third, len(normals)) / np.pi)
+    total = np.zeros(normals.shape)
+    for _ in range(DRAWS):
+        aside = rng.standard_normal(normals.shape)
+        aside -= normals * np.einsum("ij,ij->i", aside, normals)[:, None]
+        aside *= (radius * np.sqrt(rng.random(len(radius))) / np.linalg.norm(aside, axis=1))[
+            :, None
+        ]
+        total += shown[tree.query(scan.vertices + aside)[1]]
+    return (total / DRAWS).astype(np.float32)
+
+
 def sky_image(light: Light) -> Floats:
     """(h, w, 3) radiance for Mitsuba's envmap, whose rows are angles from +y; z is up here, and the
     direction of each pixel says what is there.
@@ -241,19 +315,19 @@ def _shape(mi: Any, mesh: Mesh, albedo: Floats, metal: bool) -> Any:
     return shape
 
 
-def all_around(mesh: Mesh, photos: int, seed: int) -> list[Camera]:
-    """Cameras on three rings around the piece."""
+def all_around(mesh: Mesh, photos: int, seed: int, size: tuple[int, int] = SIZE) -> list[Camera]:
+    """Cameras on three rings around the piece. size: of their photos, pixels."""
     rng = np.random.default_rng(seed)
     out = []
     for k in range(photos):
         azimuth = 2 * np.pi * (k + rng.uniform(-0.2, 0.2)) / photos
-        out.append(_at(mesh, azimuth, np.radians((8.0, 30.0, 55.0)[k % 3])))
+        out.append(_at(mesh, azimuth, np.radians((8.0, 30.0, 55.0)[k % 3]), size))
     return out
 
 
-def _at(mesh: Mesh, azimuth: float, elevation: float) -> Camera:
+def _at(mesh: Mesh, azimuth: float, elevation: float, size: tuple[int, int]) -> Camera:
     """A camera that looks at the piece's middle."""
-    w, h = SIZE
+    w, h = size
     f = w / 2 / np.tan(np.radians(FIELD_DEG) / 2)
     toward = np.array([
         np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth),

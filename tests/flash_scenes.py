@@ -18,6 +18,7 @@ from appearance_scenes import (
     SIZE,
     VARIANT,
     developed,
+    knots,
     sensor,
 )
 
@@ -127,7 +128,7 @@ def flash_set(
     """One set; deterministic but for the renderer's rounding. exact: the scan is the shape that is
     photographed, of 54,000 faces; else it has 40,000 of other places, 0.4 mm off, of 120,000.
     """
-    true, scan = _knots(seed) if kind == "knot" else _pieces(kind, seed, exact)
+    true, scan = knots(seed) if kind == "knot" else _pieces(kind, seed, exact)
     intensity = 0.55 * np.pi * (DISTANCE * scan.diagonal) ** 2
     room = DarkRoom(true, truth_at(true.vertices, materials, seed))
     rng = np.random.default_rng(seed)
@@ -156,43 +157,6 @@ def _pieces(kind: Literal["stele", "capital"], seed: int, exact: bool) -> tuple[
     made = piece(kind, seed)
     true = carved(made, 54_000 if exact else 120_000)
     return true, true if exact else scanned(made, 40_000, 0.0004, seed)
-
-
-def _knots(seed: int) -> tuple[Mesh, Mesh]:
-    """A smooth tube, knotted, and a scan of it by other points, 0.3 mm off."""
-    true, scan = knot(1000, 60), knot(610, 37)
-    rng = np.random.default_rng(seed)
-    off = 0.0003 * rng.standard_normal((len(scan.vertices), 1))
-    return true, Mesh(scan.vertices + off * vertex_normals(scan), scan.faces)
-
-
-def knot(along: int, around: int) -> Mesh:
-    """A (2, 3) torus knot, .5 m wide, of 2 along x around triangles, its seam smooth."""
-    t = 2 * np.pi * np.arange(along) / along
-
-    def middle(t: Doubles) -> Doubles:
-        r = 2 + np.cos(3 * t)
-        return 0.083 * np.column_stack([r * np.cos(2 * t), r * np.sin(2 * t), -np.sin(3 * t)])
-
-    ahead = middle(t + 1e-4) - middle(t - 1e-4)
-    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
-    out = middle(t) - 0.166 * np.column_stack([np.cos(2 * t), np.sin(2 * t), 0 * t])
-    out -= ahead * np.einsum("ij,ij->i", out, ahead)[:, None]
-    out /= np.linalg.norm(out, axis=1, keepdims=True)
-    side = np.cross(ahead, out)
-    turn = 2 * np.pi * np.arange(around) / around
-    ring = 0.036 * (
-        np.cos(turn)[None, :, None] * out[:, None] + np.sin(turn)[None, :, None] * side[:, None]
-    )
-    xyz = (middle(t)[:, None] + ring).reshape(-1, 3)
-    i, j = np.meshgrid(np.arange(along), np.arange(around), indexing="ij")
-    at = i * around + j
-    on, up = (i + 1) % along * around + j, i * around + (j + 1) % around
-    both = (i + 1) % along * around + (j + 1) % around
-    faces = np.concatenate([
-        np.stack([at, both, on], -1).reshape(-1, 3), np.stack([at, up, both], -1).reshape(-1, 3),
-    ])  # fmt: skip
-    return Mesh(xyz, faces)
 
 
 def all_over(mesh: Mesh, photos: int, seed: int) -> list[Camera]:

@@ -17,6 +17,7 @@ from skimage.color import deltaE_ciede2000
 
 from texproj.appearance.days import of_several_days
 from texproj.appearance.harmonics import OPEN_GAINS, basis
+from texproj.appearance.light_fit import GLOSS
 from texproj.appearance.natural import natural_appearance
 from texproj.appearance.palette import clusters, members
 from texproj.appearance.sun import angle_deg, spiral
@@ -30,7 +31,7 @@ from texproj.demo.object import carved, piece, scanned
 from texproj.demo.pattern import painted
 from texproj.demo.photographer import set_up
 from texproj.formats.models import read_model
-from texproj.mesh import Mesh, vertex_normals
+from texproj.mesh import Mesh, face_areas, vertex_normals
 from texproj.photo import LUMINANCE, linear_from_srgb
 from texproj.stages.lighting import days_of
 
@@ -108,17 +109,31 @@ def test_what_is_closed_in_is_lit_by_what_is_around():
 
 
 def test_a_roof_keeps_the_sun_off():
-    """Cosine in the open, 0 in the cast shadow, between at its edge."""
-    ground, roof = plain(), plain(0.5)
-    vertices = np.concatenate(
-        [ground.vertices, roof.vertices + np.array([0, 0, 0.5]), [[0, 0, 0.0]]]
+    """Cosine in the open, 0 in the cast shadow; where its edge crosses what a vertex stands for the
+    part that is lit counts, so that the light that falls beside a roof of .5 is that of its area.
+    """
+    x, y = (part.ravel() for part in np.meshgrid(*[np.linspace(-1, 1, 12)] * 2))
+    corner = (np.arange(11)[:, None] * 12 + np.arange(11)).ravel()
+    quads = [corner[:, None] + part for part in ([0, 1, 13], [0, 13, 12])]
+    ground = Mesh(np.column_stack([x, y, 0 * x]), np.concatenate(quads).astype(np.int32))
+    roof = plain(0.5)
+    caster = LightCaster(
+        Mesh(
+            np.concatenate([ground.vertices, roof.vertices + np.array([0, 0, 0.5])]),
+            np.concatenate([ground.faces, roof.faces[:, ::-1] + len(x)]),
+        ),
+        np.zeros((len(x) + 4, 3), np.float32),
     )
-    faces = np.concatenate([ground.faces, roof.faces[:, ::-1] + 4, [[0, 1, 8]]])
-    caster = LightCaster(Mesh(vertices, faces), np.zeros((9, 3), np.float32))
+    open_, dark = ((np.abs(x) > 0.7) | (np.abs(y) > 0.7)), (np.abs(x) < 0.3) & (np.abs(y) < 0.3)
+    spots = caster.cells.spots(np.arange(len(x)), 64)
 
-    assert caster.sun(np.array([0, 8]), np.array([0, 0, 1.0])) == pytest.approx([1, 0], abs=1e-3)
+    found = caster.sun(spots, np.array([0, 0, 1.0]))
+    assert found[open_] == pytest.approx(1, abs=1e-3)
+    assert not found[dark].any()
+    cell = np.bincount(ground.faces.ravel(), np.repeat(face_areas(ground) / 3, 3))
+    assert cell @ found == pytest.approx(4 - 1, rel=0.01)
     low = np.array([0, np.sin(np.radians(80)), np.cos(np.radians(80))])
-    assert caster.sun(np.array([0, 8]), low, 8) == pytest.approx([low[2]] * 2, abs=1e-3)
+    assert caster.sun(spots, low)[x < -0.7] == pytest.approx(low[2], abs=1e-3)
 
 
 def test_hues_make_a_palette():
@@ -178,7 +193,7 @@ def test_two_days_make_one_surface():
     assert both.accepted
     assert set(both.light.days) == {"17", "18"}
     errors = [np.median(off(a.base, albedo, True)) for a in (both, sunny, cloudy)]
-    assert errors[0] < min(errors[1:]) + 0.1
+    assert errors[0] < min(errors[1:]) + 0.2
     refused = replace(cloudy, accepted=False, reason="too dark", base=rgb)
     alone = of_several_days(mesh, {"17": sunny, "18": refused}, rgb, seen)
     assert alone.base == pytest.approx(sunny.base, abs=1e-5)
@@ -210,7 +225,7 @@ def test_colors_are_base_times_irradiance():
     _, _, rgb = lit(CLOUDY)
     found, _, _ = found_in(CLOUDY)
 
-    again = (found.base + np.float32(0.04)) * found.irradiance
+    again = (found.base + np.float32(GLOSS)) * found.irradiance
     inside = (found.base < 1).all(axis=1) & (found.base > 0.02).all(axis=1)
     assert inside.mean() > 0.8
     assert np.abs(again - rgb)[inside].max() < 1e-3

@@ -20,7 +20,7 @@ from texproj.appearance.light_fit import (
 from texproj.appearance.nearby import told_nearby
 from texproj.appearance.recovered import Appearance, NaturalLight, untold
 from texproj.appearance.sun import angle_deg, find_sun, spiral
-from texproj.appearance.transfer import SUN_RAYS, LightCaster
+from texproj.appearance.transfer import LightCaster
 from texproj.appearance.verdict import Places, Verdict, judged
 from texproj.arrays import Bools, Doubles, Floats, Index
 from texproj.color.filling.vertices import fill_vertices
@@ -188,7 +188,7 @@ def _everywhere(
         rows = np.arange(start, min(start + CHUNK, count))
         points = LitPoints(rgb[rows].astype(np.float64), caster.transfer(rows))
         if found.to_sun is not None:
-            sun = caster.sun(rows, found.to_sun, SUN_RAYS).astype(np.float64)
+            sun = caster.sun_on(rows, found.to_sun).astype(np.float64)
             points = replace(points, sun=sun)
         light = found.fit.irradiance(points)
         irradiance[rows] = light / np.pi / factor

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from texproj.appearance.cells import Spots
 from texproj.appearance.light_fit import LightFit, LitPoints, SunTrial
 from texproj.appearance.transfer import SUN_RAYS, LightCaster
 from texproj.arrays import Doubles, Index
@@ -37,15 +38,17 @@ def find_sun(
     chosen: the vertices that the points are; without: the light found without a sun.
     """
 
-    def spreads(rows: Index, rays: int) -> Callable[[Doubles], float]:
-        vertices, trial = chosen[rows], SunTrial(points.take(rows), without)
-        return lambda to_sun: trial.spread(caster.sun(vertices, to_sun, rays).astype(np.float64))
+    def spreads(rows: Index, spots: Spots) -> Callable[[Doubles], float]:
+        trial = SunTrial(points.take(rows), without)
+        return lambda to_sun: trial.spread(caster.sun(spots, to_sun).astype(np.float64))
 
-    coarse = spreads(np.arange(0, len(chosen), max(1, len(chosen) // SEARCHED)), 1)
+    few = np.arange(0, len(chosen), max(1, len(chosen) // SEARCHED))
+    coarse = spreads(few, caster.cells.spots(chosen[few], 1))
+    spots = caster.cells.spots(chosen, SUN_RAYS)
     tried = sorted(spiral(DIRECTIONS), key=coarse)[:BEST]
     found = min((_refined(start, coarse, COARSE_DEG) for start in tried), key=coarse)
-    found = _refined(found, spreads(np.arange(len(chosen)), SUN_RAYS), FINE_DEG)
-    return found, replace(points, sun=caster.sun(chosen, found, SUN_RAYS).astype(np.float64))
+    found = _refined(found, spreads(np.arange(len(chosen)), spots), FINE_DEG)
+    return found, replace(points, sun=caster.sun(spots, found).astype(np.float64))
 
 
 def _refined(start: Doubles, cost: Callable[[Doubles], float], steps: Sequence[float]) -> Doubles:

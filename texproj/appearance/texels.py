@@ -13,7 +13,7 @@ from texproj.appearance.corners import barycentric
 from texproj.appearance.light_fit import GLOSS, LEAST_LIGHT
 from texproj.appearance.natural import base_color
 from texproj.appearance.recovered import Appearance, NaturalLight
-from texproj.appearance.transfer import SUN_RAYS, LightCaster
+from texproj.appearance.transfer import LightCaster
 from texproj.arrays import Doubles, Floats
 from texproj.color.filling.gutters import fill_page
 from texproj.color.filling.texels import fill_unseen
@@ -65,7 +65,7 @@ class _Lamp:
             self._to_sun = light.to_sun
             self._sun = (light.sun / np.pi).astype(np.float32)
             everyone = np.arange(len(irradiance))
-            soft = soft - self._caster.sun(everyone, light.to_sun, SUN_RAYS)[:, None] * self._sun
+            soft = soft - self._caster.sun_on(everyone, light.to_sun)[:, None] * self._sun
         self._soft = np.maximum(soft, LEAST_LIGHT * irradiance.mean(axis=0))
 
     def at(self, chunk: Chunk) -> Floats:

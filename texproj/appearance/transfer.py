@@ -5,10 +5,12 @@ the surface around.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from texproj.appearance.cells import Cells, Spots
 from texproj.appearance.harmonics import BASES, basis
 from texproj.arrays import Doubles, Floats, Index
 from texproj.mesh import Mesh
@@ -26,6 +28,7 @@ SUN_RADIUS_DEG = 0.5
 """The sun's own 0.27, and what the mesh rounds off."""
 
 SUN_RAYS = 8
+"""To each vertex, from as many points of its cell."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +58,12 @@ class LightCaster:
         self._faces, self._rgb = mesh.faces, rgb
         self._caster = RayCaster(self.xyz, mesh.faces)
         self._lift = np.float32(LIFT * mesh.diagonal)
+        self._mesh = mesh
+
+    @cached_property
+    def cells(self) -> Cells:
+        """What the colors of the vertices are averages of."""
+        return Cells(self._mesh, self.xyz)
 
     def transfer(self, chosen: Index, rays: int = RAYS, seed: int = 0) -> Transfer:
         """The transfer of some of the vertices, by cosine-distributed rays.
@@ -91,25 +100,37 @@ class LightCaster:
         arriving[met] = (1 - u - v) * a + u * b + v * c
         return hits.face < 0, arriving
 
-    def sun(self, chosen: Index, to_sun: Doubles, rays: int = 1) -> Floats:
-        """(n,) cosine to the sun at some of the vertices, 0 in its cast shadow.
+    def sun(self, spots: Spots, to_sun: Doubles) -> Floats:
+        """(n,) cosine to the sun on the mean over the spots of n vertices, 0 in its cast shadow.
 
-        to_sun: (3,) unit vector; rays: more than 1 are spread over a disk of `SUN_RADIUS_DEG`.
+        to_sun: (3,) unit vector; each spot looks at another part of a disk of `SUN_RADIUS_DEG`.
         """
-        return self.sun_at(self.xyz[chosen], self.normals[chosen], to_sun, rays)
+        toward = _disk(to_sun.astype(np.float32), len(spots.xyz))
+        parts = zip(spots.xyz, spots.normal, toward, strict=True)
+        total = sum(self._cosine(xyz, normals, one) for xyz, normals, one in parts)
+        return np.asarray(total, np.float32) / np.float32(len(toward))
 
-    def sun_at(self, xyz: Floats, normals: Floats, to_sun: Doubles, rays: int = 1) -> Floats:
-        """The same at any points (n, 3) of the surface, relative to the mesh's center, with unit
-        normals (n, 3).
+    def sun_on(self, vertices: Index, to_sun: Doubles) -> Floats:
+        """(n,) the same of some of the vertices, by `SUN_RAYS` spots each, some at a time."""
+        step = max(1, CHUNK // SUN_RAYS)
+        parts = [vertices[start : start + step] for start in range(0, len(vertices), step)]
+        shown = [self.sun(self.cells.spots(part, SUN_RAYS), to_sun) for part in parts]
+        return np.concatenate([np.zeros(0, np.float32), *shown])
+
+    def sun_at(self, xyz: Floats, normals: Floats, to_sun: Doubles, rays: int) -> Floats:
+        """(n,) the same at points (n, 3) of the surface, relative to the mesh's center, with unit
+        normals (n, 3): each looks at all of the disk.
         """
-        toward = to_sun.astype(np.float32)
+        return self.sun(
+            Spots(*(np.broadcast_to(x, (rays, *x.shape)) for x in (xyz, normals))), to_sun
+        )
+
+    def _cosine(self, xyz: Floats, normals: Floats, toward: Floats) -> Floats:
+        """(n,) cosine of unit normals (n, 3) to a direction, 0 where something is before it."""
         cosine = np.maximum(normals @ toward, 0)
         lit = np.flatnonzero(cosine)
         origins = xyz[lit] + self._lift * normals[lit]
-        seen = np.zeros(len(lit), np.float32)
-        for direction in _disk(toward, rays):
-            seen += ~self._caster.blocked(origins, np.broadcast_to(direction, origins.shape))
-        cosine[lit] *= seen / np.float32(rays)
+        cosine[lit] *= ~self._caster.blocked(origins, np.broadcast_to(toward, origins.shape))
         return cosine
 
 

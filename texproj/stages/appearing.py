@@ -118,7 +118,11 @@ def light_lines(light: dict[str, Any]) -> Iterator[str]:
 
 def known_as(light: dict[str, Any]) -> str:
     """What the base color is."""
-    return "reflectance" if light["absolute"] else "known up to a factor; a color chart fixes it"
+    if light["absolute"]:
+        return "reflectance"
+    if any(lamp["distance"] is not None for lamp in (light.get("room") or {}).get("lamps", ())):
+        return "known up to a factor: a lamp is so near that a color chart fixes the tint alone"
+    return "known up to a factor; a color chart fixes it"
 
 
 def _normals_line(told: dict[str, Any] | None) -> Iterator[str]:

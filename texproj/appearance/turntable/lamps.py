@@ -30,6 +30,11 @@ class RoomLamp:
     distance: float = FAR
     radius_deg: float = 1.0
 
+    @property
+    def near(self) -> bool:
+        """Whether what stands beside the mesh, as a color chart, gets another light from it."""
+        return bool(np.isfinite(self.distance))
+
 
 @dataclass(frozen=True, eq=False)
 class RoomLight:
@@ -55,7 +60,7 @@ class RoomLight:
     def _some(
         self, lamp: RoomLamp, surfels: Surfel, point: Index, photo: Index, rays: int
     ) -> Floats:
-        near = np.isfinite(lamp.distance)
+        near = lamp.near
         reach = np.float32(lamp.distance * self.diagonal if near else 1)
         xyz, normal = surfels.xyz[point], surfels.normal[point]
         start = xyz + self.shadows.lift * normal

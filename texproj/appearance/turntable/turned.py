@@ -131,7 +131,7 @@ def turntable_appearance(
     )  # fmt: skip
     return Appearance(
         base, *untold(count), effective.astype(np.float32), sure * blend.seen, light, True, "",
-        blend.chart == "scale", verdict,
+        blend.chart == "scale" and not any(lamp.near for lamp in found.lamps), verdict,
     )  # fmt: skip
 
 
