@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 from page_tools import WEB, builder
-from preview_project import HEIGHT, WIDTH, cameras, corner_points, make_project
+from preview_project import HEIGHT, WIDTH, cameras, corner_points
 
 from texproj.options import RenderOptions
 from texproj.project import Project
@@ -45,16 +45,14 @@ def chromium():
         found.close()
 
 
-def make_page_project(root):
-    """A project with one more photo: the server's own rendering of normals through the lens."""
-    make_project(root)
+def add_lens_photo(root):
+    """One more photo: the server's own rendering of normals through the lens."""
     camera = cameras()[1]
     cv2.imwrite(str(root / "photos" / LENS_PHOTO), rendered_normals(root, camera)[..., ::-1])
     record = CameraRecord(
         LENS_PHOTO, WIDTH, HEIGHT, camera.intrinsics, camera.pose, "registered", "import"
     )
     Project.open(root).save_cameras([record])
-    return root
 
 
 def rendered_normals(root, camera):
@@ -70,10 +68,16 @@ def rendered_normals(root, camera):
     )
 
 
+WINDOW = (1100, 560)
+"""Pixels, just wide enough for all three columns: software WebGL takes its time for each."""
+
+
 @contextmanager
-def opened(browser, home, width=1280, height=800):
+def opened(browser, home, width=WINDOW[0], height=WINDOW[1], motion="reduce"):
     """A page that is loaded; fails on any console error when it closes."""
-    context = browser.new_context(viewport={"width": width, "height": height})
+    context = browser.new_context(
+        viewport={"width": width, "height": height}, reduced_motion=motion
+    )
     page = context.new_page()
     problems = []
     page.on("pageerror", lambda error: problems.append(str(error)))
@@ -96,12 +100,14 @@ def picture(page):
 
 def settle(page):
     """Until nothing flies or swings any more."""
-    for _ in range(100):
-        before = page.evaluate("texproj.viewport.frames")
-        page.wait_for_timeout(300)
-        state = "[texproj.viewport.frames, texproj.viewport.flying, texproj.viewport.moving]"
-        if page.evaluate(state) == [before, False, False]:
+    state = "[texproj.viewport.frames, texproj.viewport.flying, texproj.viewport.moving]"
+    before = None
+    for _ in range(300):
+        now = page.evaluate(state)
+        if now == [before, False, False]:
             return
+        before = now[0]
+        page.wait_for_timeout(100)
     pytest.fail("the view does not come to rest")
 
 
@@ -111,6 +117,19 @@ def until(page, expression, seconds=60):
     while not page.evaluate(f"Boolean({expression})"):
         assert time.monotonic() < end, f"waited in vain for {expression}"
         page.wait_for_timeout(50)
+
+
+AS_AT_FIRST = """() => {
+  texproj.chosen = null;
+  texproj.exitPhoto();
+  texproj.change({ layer: 'shaded', opacity: 1, wipe: 1 });
+}"""
+
+
+def as_at_first(page):
+    """Out of the photo that is shown, and back at the bare shape."""
+    page.evaluate(AS_AT_FIRST)
+    until(page, "texproj.look.layer === 'shaded' && texproj.mode === 'view'")
 
 
 def row(page, name):
@@ -185,6 +204,7 @@ def residuals(page):
 
 def violations(page, view):
     """What axe-core finds in the page as it is, one line each."""
-    page.evaluate((WEB / "node_modules/axe-core/axe.min.js").read_text())
+    if page.evaluate("typeof axe") == "undefined":
+        page.evaluate((WEB / "node_modules/axe-core/axe.min.js").read_text())
     found = page.evaluate("axe.run().then(result => result.violations)")
     return [f"{view}: {v['id']}: {n['html'][:120]}" for v in found for n in v["nodes"]]

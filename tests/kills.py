@@ -38,6 +38,8 @@ def counted(self, target):
     return rename(self, target)
 Path.replace = counted
 from texproj.cli import main
+from texproj.report import pictures
+pictures.VIEW_SIZE = (160, 120)  # what is killed is writing, not drawing
 code = main(["run", sys.argv[2]])
 print("renames", int(sys.argv[1]) - left[0])
 sys.exit(code)

@@ -62,24 +62,26 @@ def photograph(mesh: trimesh.Trimesh, camera: Camera) -> np.ndarray:
     """(h, w) uint8 by rays through the full lens model, 2 x 2 per pixel; its own ray caster
     (trimesh), not the page's and not the renderer's."""
     sub = (np.arange(2) + 0.5) / 2
+    caster = trimesh.ray.ray_pyembree.RayMeshIntersector(mesh)
     total = np.zeros((HEIGHT, WIDTH))
     for dx in sub:
         for dy in sub:
             x, y = np.meshgrid(np.arange(WIDTH) + dx, np.arange(HEIGHT) + dy)
-            total += _one_ray_each(mesh, camera, np.stack([x.ravel(), y.ravel()], 1))
+            total += _one_ray_each(caster, camera, np.stack([x.ravel(), y.ravel()], 1))
     return np.clip(np.round(total / len(sub) ** 2), 0, 255).astype(np.uint8)
 
 
-def _one_ray_each(mesh: trimesh.Trimesh, camera: Camera, xy: np.ndarray) -> np.ndarray:
+def _one_ray_each(
+    caster: trimesh.ray.ray_pyembree.RayMeshIntersector, camera: Camera, xy: np.ndarray
+) -> np.ndarray:
     k, pose = camera.intrinsics, camera.pose
     enough = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-10)
     ideal = cv2.undistortPoints(xy[:, None], k.K, np.array(k.dist), criteria=enough)[:, 0]
     directions = np.concatenate([ideal, np.ones((len(xy), 1))], 1) @ pose.R
     origins = np.broadcast_to(pose.center, directions.shape)
-    caster = trimesh.ray.ray_pyembree.RayMeshIntersector(mesh)
     face, ray, point = caster.intersects_id(origins, directions, False, return_locations=True)
     gray = np.full(len(xy), 35.0)
-    gray[ray] = surface_paint(point, mesh.face_normals[face])
+    gray[ray] = surface_paint(point, caster.mesh.face_normals[face])
     return gray.reshape(HEIGHT, WIDTH)
 
 

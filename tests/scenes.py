@@ -1,13 +1,19 @@
-"""Small synthetic scenes with known truth, shared by all tests and made once per session.
+"""Small synthetic scenes with known truth, shared by all tests and made once per session; photos,
+once for all processes that run tests.
 
 The photos come from texproj.demo's ray caster, which shares nothing with the renderers under
 test but the definition of a camera. Each function is cached: do not edit what it returns.
 """
 
+import hashlib
+import os
+import pickle
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, wraps
+from pathlib import Path
 
 import numpy as np
+from filelock import FileLock
 
 from texproj.camera import Camera
 from texproj.demo.light import Lighting
@@ -20,6 +26,8 @@ from texproj.demo.views import View, camera_at
 from texproj.mesh import Mesh
 from texproj.photo import Photo, PhotoInfo
 
+KEPT = "TEXPROJ_TEST_SCENES"
+"""Environment variable: the folder where processes that run tests keep photos for each other."""
 PAIR = (View(-12, 14, upright=False), View(28, 20, upright=False), View(-50, 10, upright=False))
 ROUND = tuple(View(a, e, upright=False) for a, e in
               ((-40, 12), (-25, 30), (-10, 15), (5, 40), (15, 12), (30, 28), (45, 15)))  # fmt: skip
@@ -41,6 +49,25 @@ class Synthetic:
     shaded: np.ndarray
     exposure: tuple[float, ...]
     steady: np.ndarray
+
+
+def kept(make):
+    """What `make` gives, by its arguments: made by one process, read by the others."""
+
+    @lru_cache(maxsize=8)
+    @wraps(make)
+    def found(*given, **named):
+        folder = os.environ.get(KEPT)
+        if folder is None:
+            return make(*given, **named)
+        asked = repr((make.__name__, given, sorted(named.items())))
+        path = Path(folder, hashlib.sha256(asked.encode()).hexdigest())
+        with FileLock(f"{path}.lock"):
+            if not path.exists():
+                path.write_bytes(pickle.dumps(make(*given, **named)))
+            return pickle.loads(path.read_bytes())
+
+    return found
 
 
 @lru_cache(maxsize=4)
@@ -88,7 +115,7 @@ def taken(
     )
 
 
-@lru_cache(maxsize=8)
+@kept
 def synthetic_pair(
     photos: int = 2, kind: str = "stele", seed: int = 0, faces: int = 20_000, long_side: int = 480
 ) -> Synthetic:
@@ -98,7 +125,7 @@ def synthetic_pair(
     return taken(scene, scan, PAIR[:photos], shots, long_side, seed)
 
 
-@lru_cache(maxsize=8)
+@kept
 def matte_pair(
     photos: int = 1, kind: str = "stele", seed: int = 0, faces: int = 20_000, long_side: int = 480
 ) -> Synthetic:
@@ -128,7 +155,7 @@ def round_scene(kind: str = "stele", seed: int = 0) -> Scene:
     return set_up(carved(piece(kind, seed), 120_000), painted(seed), HAZY, gloss=0.8)
 
 
-@lru_cache(maxsize=8)
+@kept
 def exposure_round(
     kind: str = "stele", seed: int = 0, faces: int = 40_000, long_side: int = 720,
     defects: Defects = Defects(),

@@ -38,6 +38,27 @@ def only_points(folder: Path) -> None:
     (folder / "cameras.json").unlink(missing_ok=True)
 
 
+@pytest.fixture(scope="module")
+def made(demo_folder, tmp_path_factory):
+    """Two photos with picks, registered and colored."""
+    folder = Path(shutil.copytree(demo_folder, tmp_path_factory.mktemp("cli") / "stele"))
+    only_points(folder)
+    assert run("run", folder, "--color.to", "vertices") == 0
+    return folder
+
+
+@pytest.fixture
+def colored(made, tmp_path):
+    return Path(shutil.copytree(made, tmp_path / "stele"))
+
+
+@pytest.fixture
+def registered(colored):
+    """The same before it is colored."""
+    shutil.rmtree(colored / "out")
+    return colored
+
+
 # --- the path that everybody takes
 
 
@@ -59,20 +80,16 @@ def test_run_colors_a_project_and_a_second_run_does_nothing(project_folder, caps
     assert before == after and "model.ply" in before
 
 
-def test_touching_one_photo_redoes_that_photo(project_folder, capsys):
+def test_touching_one_photo_redoes_that_photo(registered, capsys):
     """A changed mask makes its own photo stale and no other, and status says why."""
-    only_points(project_folder)
-    run("register", project_folder)
-    masked = Project.open(project_folder).photo_names[0]
-    (project_folder / "masks").mkdir(exist_ok=True)
-    shutil.copy(
-        project_folder / "truth" / "masks" / f"{Path(masked).stem}.png", project_folder / "masks"
-    )
+    masked = Project.open(registered).photo_names[0]
+    (registered / "masks").mkdir(exist_ok=True)
+    shutil.copy(registered / "truth" / "masks" / f"{Path(masked).stem}.png", registered / "masks")
     capsys.readouterr()
-    run("status", project_folder, "--json")
+    run("status", registered, "--json")
     states = json.loads(capsys.readouterr().out)["items"]
     stale = {s["item"]: s["reason"] for s in states if s["stage"] == "register" and not s["fresh"]}
-    run("register", project_folder, "--json")
+    run("register", registered, "--json")
     photos = json.loads(capsys.readouterr().out)["photos"]
 
     assert stale == {masked: "mask changed"}
@@ -239,7 +256,7 @@ def test_unusable_input_is_refused_in_one_sentence(project_folder, capsys, spoil
 def test_one_photo_with_bad_picks_stops_no_other(project_folder, capsys, content, words):
     """Exit code 1; the photo is named with the reason, the others are registered."""
     only_points(project_folder)
-    bad, good = sorted((project_folder / "correspondences").glob("*.csv"))[:2]
+    good, bad = sorted((project_folder / "correspondences").glob("*.csv"))
     bad.write_bytes(content)
 
     assert run("register", project_folder, "--json") == 1
@@ -253,7 +270,7 @@ def test_one_photo_with_bad_picks_stops_no_other(project_folder, capsys, content
 def test_one_broken_photo_stops_no_other(project_folder, capsys, content):
     """Zero bytes, text, or cut off in the middle: the model is made from the rest."""
     only_points(project_folder)
-    path = sorted((project_folder / "photos").iterdir())[0]
+    path = sorted((project_folder / "photos").iterdir())[-1]
     path.write_bytes(path.read_bytes()[:9000] if content is None else content)
 
     assert run("run", project_folder, "--color.to", "vertices") == 1
@@ -262,21 +279,19 @@ def test_one_broken_photo_stops_no_other(project_folder, capsys, content):
     assert (project_folder / "out" / "model.ply").is_file()
 
 
-def test_a_camera_of_no_photo_is_named(project_folder, capsys):
+def test_a_camera_of_no_photo_is_named(registered, capsys):
     """The nearest photo's name helps against typing errors; the rest is colored."""
-    only_points(project_folder)
-    run("register", project_folder)
-    path = project_folder / "cameras.json"
+    path = registered / "cameras.json"
     data = json.loads(path.read_text())
     stray = data["photos"][0]["file"].replace("IMG_", "IMG")
     data["photos"].append({**data["photos"][0], "file": stray})
     path.write_text(json.dumps(data))
     capsys.readouterr()
 
-    assert run("color", project_folder, "--to", "vertices") == 1
+    assert run("color", registered, "--to", "vertices") == 1
     out = capsys.readouterr().out
     assert stray in out and "did you mean" in out
-    assert (project_folder / "out" / "model.ply").is_file()
+    assert (registered / "out" / "model.ply").is_file()
 
 
 def test_nothing_registered_is_said(project_folder, capsys):
@@ -287,28 +302,21 @@ def test_nothing_registered_is_said(project_folder, capsys):
     assert "texproj register" in complaint(capsys)
 
 
-def test_a_read_only_out_folder_is_said(project_folder, capsys):
+def test_a_read_only_out_folder_is_said(registered, capsys):
     """Whoever runs it: a file stands where the folder should be."""
-    only_points(project_folder)
-    run("register", project_folder)
-    (project_folder / "out").write_text("in the way")
-    capsys.readouterr()
+    (registered / "out").write_text("in the way")
 
-    assert run("color", project_folder, "--to", "vertices") == 2
+    assert run("color", registered, "--to", "vertices") == 2
     assert "out" in complaint(capsys)
-    assert (project_folder / "out").read_text() == "in the way"
+    assert (registered / "out").read_text() == "in the way"
 
 
-def test_a_full_disk_keeps_the_old_model(project_folder, capsys, monkeypatch):
+def test_a_full_disk_keeps_the_old_model(colored, capsys, monkeypatch):
     """The model that was there before is intact, byte for byte."""
-    only_points(project_folder)
-    run("run", project_folder, "--color.to", "vertices")
-    old = (project_folder / "out" / "model.ply").read_bytes()
-    (project_folder / "masks").mkdir(exist_ok=True)
-    name = Project.open(project_folder).photo_names[0]
-    shutil.copy(
-        project_folder / "truth" / "masks" / f"{Path(name).stem}.png", project_folder / "masks"
-    )
+    old = (colored / "out" / "model.ply").read_bytes()
+    (colored / "masks").mkdir(exist_ok=True)
+    name = Project.open(colored).photo_names[0]
+    shutil.copy(colored / "truth" / "masks" / f"{Path(name).stem}.png", colored / "masks")
 
     def full(folder, *_):
         (folder / "model.ply").write_bytes(old[:100])
@@ -317,10 +325,10 @@ def test_a_full_disk_keeps_the_old_model(project_folder, capsys, monkeypatch):
     monkeypatch.setattr("texproj.stages.writing.write_vertices", full)
     capsys.readouterr()
 
-    assert run("color", project_folder, "--to", "vertices") == 2
+    assert run("color", colored, "--to", "vertices") == 2
     assert "disk is full" in complaint(capsys)
-    assert (project_folder / "out" / "model.ply").read_bytes() == old
-    assert not list((project_folder / "out").glob(".unfinished-*"))
+    assert (colored / "out" / "model.ply").read_bytes() == old
+    assert not list((colored / "out").glob(".unfinished-*"))
 
 
 def test_ctrl_c_in_the_middle_and_the_next_run_resumes(project_folder):

@@ -28,7 +28,7 @@ from texproj.stages.methods import Job, Search, search_as_asked
 from texproj.stages.sites import Hands, crew_of
 from texproj.version import __version__
 
-PHOTOS = 6
+PHOTOS = 4
 
 
 def quiet(*_) -> None:

@@ -46,16 +46,17 @@ def test_a_photo_is_left_out_and_taken_back(root, page):
     assert page.get_by_text("No photo is like that.").is_visible()
 
 
-def test_the_list_is_searched_and_sorted(page):
+def test_the_list_is_searched_and_sorted(shown):
     """By a part of the name; by name; by error, the largest first."""
     names = "[...document.querySelectorAll('.photo')].map(item => item.dataset.photo)"
-    page.get_by_label("Order of photos").select_option("name")
-    assert page.evaluate(names) == sorted(page.evaluate(names))
-    page.get_by_label("Order of photos").select_option("error")
-    assert page.evaluate(names)[:2] == ["0002.png", "0001.png"]
-    page.get_by_label("Search photos").fill("3")
+    shown.get_by_label("Order of photos").select_option("name")
+    assert shown.evaluate(names) == sorted(shown.evaluate(names))
+    shown.get_by_label("Order of photos").select_option("error")
+    assert shown.evaluate(names)[:2] == ["0002.png", "0001.png"]
+    shown.get_by_label("Search photos").fill("3")
 
-    assert page.evaluate(names) == ["0003.png"]
+    assert shown.evaluate(names) == ["0003.png"]
+    shown.get_by_label("Search photos").fill("")
 
 
 def stroke(page, points):
@@ -191,21 +192,22 @@ def test_the_model_is_filmed_and_lit_from_nothing(root, page, monkeypatch):
     assert kept.value.suggested_filename == "blocks.webp"
 
 
-def test_the_plain_mean_is_a_layer(page):
+def test_the_plain_mean_is_a_layer(shown):
     """Made as a job; where no photo sees the surface it is hatched."""
-    settle(page)
-    before = page.evaluate("texproj.viewport.picture()")
-    page.locator('[data-layer="mean"]').click()
-    until(page, "texproj.look.layer === 'mean'")
-    settle(page)
+    settle(shown)
+    before = shown.evaluate("texproj.viewport.picture()")
+    shown.locator('[data-layer="mean"]').click()
+    until(shown, "texproj.look.layer === 'mean'")
+    settle(shown)
 
-    assert page.evaluate("texproj.viewport.picture()") != before
-    assert "a photo is off" in page.locator("#legend").inner_text()
+    assert shown.evaluate("texproj.viewport.picture()") != before
+    assert "a photo is off" in shown.locator("#legend").inner_text()
 
 
-def test_other_photos_that_show_the_same_are_a_click_away(page):
+def test_other_photos_that_show_the_same_are_a_click_away(shown):
     """As far as it was found out which do."""
-    page.route("**/partners", lambda route: route.fulfill(json={"photos": ["0002.png"]}))
-    enter(page, PHOTO)
-    page.locator(".seen-also button").click()
-    until(page, "texproj.chosen === '0002.png'")
+    shown.route("**/partners", lambda route: route.fulfill(json={"photos": ["0002.png"]}))
+    enter(shown, PHOTO)
+    shown.locator(".seen-also button").click()
+    until(shown, "texproj.chosen === '0002.png'")
+    shown.unroute_all(behavior="wait")

@@ -29,7 +29,7 @@ MATERIAL = {
 }  # fmt: skip
 UNLIT = 8
 """A pixel no brighter than this got no light."""
-SMALL = 1100, 560
+SMALL = 820, 420
 """Pixels of the window: what lights a surface is drawn slowly without a card."""
 
 

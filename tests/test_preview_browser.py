@@ -1,6 +1,7 @@
 """The page in a real browser: what a person sees and does, by real mouse and keyboard events."""
 
 import shutil
+import threading
 import time
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from browsing import (
     CHECKOUT,
     LENS_PHOTO,
     TO_SOLVE,
+    WINDOW,
     click_pairs,
     enter,
     model_place,
@@ -48,16 +50,31 @@ def page(browser, root):
         yield found
 
 
+@pytest.fixture
+def wide(shown):
+    """The same page, larger: two pixels and more for each of a photo's."""
+    shown.set_viewport_size({"width": 1280, "height": 600})
+    yield shown
+    shown.set_viewport_size(dict(zip(("width", "height"), WINDOW, strict=True)))
+
+
 # --- seeing
 
 
-def test_the_page_shows_the_model(page):
+@pytest.fixture
+def on_a_desk(browser, root):
+    """A page in a window of usual size."""
+    with running(root) as home, opened(browser, home, 1280, 800) as found:
+        yield found
+
+
+def test_the_page_shows_the_model(on_a_desk):
     """No error on the console; the canvas shows the golden picture (llvm-free software WebGL).
 
     A new golden picture: delete tests/golden/preview.png and run this test.
     """
-    settle(page)
-    found = picture(page)
+    settle(on_a_desk)
+    found = picture(on_a_desk)
     found = cv2.resize(found, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
     path = GOLDEN / "preview.png"
     if not path.exists():
@@ -72,15 +89,15 @@ def test_the_page_shows_the_model(page):
     assert found.std() > 20
 
 
-def test_photos_are_listed_worst_first_with_what_to_do(page):
+def test_photos_are_listed_worst_first_with_what_to_do(shown):
     """The broken one first, then what has no camera, then by expected error."""
-    names = [r.get_attribute("data-photo") for r in page.locator(".photo").all()]
+    names = [r.get_attribute("data-photo") for r in shown.locator(".photo").all()]
 
     assert names[:2] == [BROKEN, TO_SOLVE]
     assert names.index("0002.png") < names.index("0001.png") < names.index("0000.png")
-    assert "cannot" in row(page, BROKEN).inner_text().lower()
-    assert "Replace the file" in row(page, BROKEN).inner_text()
-    assert "Pick 8 points" in row(page, "0002.png").inner_text()
+    assert "cannot" in row(shown, BROKEN).inner_text().lower()
+    assert "Replace the file" in row(shown, BROKEN).inner_text()
+    assert "Pick 8 points" in row(shown, "0002.png").inner_text()
 
 
 def photo_and_model(page):
@@ -114,101 +131,107 @@ def canvas_scale(page):
     )
 
 
-def test_the_overlay_lies_on_the_model_to_half_a_pixel(page):
+def test_the_overlay_lies_on_the_model_to_half_a_pixel(wide):
     """The server's own rendering of normals, through a strong lens and an off-center principal
     point, covers the page's normals: every tile within 0.5 px of the photo, whole and zoomed in.
     """
-    page.keyboard.press("4")
-    enter(page, LENS_PHOTO)
-    whole = tile_shifts(*photo_and_model(page), 192)
-    scale = canvas_scale(page)
+    wide.keyboard.press("4")
+    enter(wide, LENS_PHOTO)
+    whole = tile_shifts(*photo_and_model(wide), 192)
+    scale = canvas_scale(wide)
 
     assert len(whole) >= 10
     assert whole.max() / scale < 0.5
     for corner in ((0.35, 0.45), (0.65, 0.6)):
-        page.evaluate("texproj.viewport.fitPhoto()")
-        page.evaluate(
+        wide.evaluate("texproj.viewport.fitPhoto()")
+        wide.evaluate(
             "([x, y]) => { const [w, h] = texproj.viewport.size;"
             " texproj.viewport.zoomPhoto(3, [x * w, y * h]); }",
             corner,
         )
-        settle(page)
-        factor = 2 / canvas_scale(page)  # back to two pixels each: the photo has no more to say
+        settle(wide)
+        pictures = photo_and_model(wide)
+        factor = 2 / canvas_scale(wide)  # back to two pixels each: the photo has no more to say
         smaller = [
             cv2.resize(p, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA)
-            for p in photo_and_model(page)
+            for p in pictures
         ]
         zoomed = tile_shifts(*smaller, 144)
         assert len(zoomed) >= 4
         assert zoomed.max() / 2 < 0.5
 
 
-def test_a_shifted_overlay_would_be_noticed(page):
+def test_a_shifted_overlay_would_be_noticed(wide):
     """The measure above sees half a pixel: a camera moved by 1 px fails it."""
-    page.keyboard.press("4")
-    enter(page, LENS_PHOTO)
-    page.evaluate("texproj.viewport.photoCamera.c[0] += 1")
-    page.evaluate("texproj.viewport.overlay.setCamera(texproj.viewport.photoCamera)")
-    shifts = tile_shifts(*photo_and_model(page), 192)
-    scale = canvas_scale(page)
+    wide.keyboard.press("4")
+    enter(wide, LENS_PHOTO)
+    move = "c => { c.c[0] += %d; texproj.viewport.overlay.setCamera(c); }"
+    wide.evaluate(f"({move % 1})(texproj.viewport.photoCamera)")
+    shifts = tile_shifts(*photo_and_model(wide), 192)
+    wide.evaluate(f"({move % -1})(texproj.viewport.photoCamera)")
+    scale = canvas_scale(wide)
 
     assert np.median(shifts) / scale == pytest.approx(1, abs=0.25)
 
 
-def test_the_lens_in_the_page_is_the_lens_of_the_package(page):
+def test_the_lens_in_the_page_is_the_lens_of_the_package(shown):
     """Pixels of surface points agree to 1e-6 px; rays through pixels are their inverse."""
     _, xyz = corner_points(cameras()[1], 10)
     camera = "texproj.facts.photos.find(p => p.name === '0001.png').camera"
-    page.evaluate("() => texproj.view(texproj.facts.photos.find(p => p.name === '0001.png'))")
-    settle(page)
+    shown.evaluate("() => texproj.view(texproj.facts.photos.find(p => p.name === '0001.png'))")
+    settle(shown)
     seen = [
-        page.evaluate(f"p => texproj.lens.project({camera}, p)", point.tolist()) for point in xyz
+        shown.evaluate(f"p => texproj.lens.project({camera}, p)", point.tolist()) for point in xyz
     ]
     assert np.allclose(seen, cameras()[1].project(xyz)[0], atol=1e-6)
-    back = [page.evaluate(f"p => texproj.lens.ideal({camera}, ...p)", uv) for uv in seen]
+    back = [shown.evaluate(f"p => texproj.lens.ideal({camera}, ...p)", uv) for uv in seen]
     k = cameras()[1].intrinsics
     expected = k.undistort((np.array(seen) - (k.cx, k.cy)) / (k.fx, k.fy))
     assert np.allclose(back, expected, atol=1e-9)
 
 
-def test_blink_and_escape(page):
-    """Space shows the model alone and the photo again; Escape goes back to orbiting."""
-    enter(page, "0000.png")
-    first = picture(page)
-    page.keyboard.press("Space")
-    second = picture(page)
-    page.keyboard.press("Space")
+def test_blink_and_escape(shown):
+    """Into a photo the view flies; Space shows the model alone and the photo again; Escape goes
+    back to orbiting.
+    """
+    shown.emulate_media(reduced_motion="no-preference")
+    enter(shown, "0000.png")
+    first = picture(shown)
+    shown.keyboard.press("Space")
+    second = picture(shown)
+    shown.keyboard.press("Space")
 
     assert np.abs(first.astype(int) - second).mean() > 5
-    assert np.array_equal(picture(page), first)
-    page.keyboard.press("Escape")
-    assert page.evaluate("texproj.viewport.photoCamera") is None
+    assert np.array_equal(picture(shown), first)
+    shown.keyboard.press("Escape")
+    assert shown.evaluate("texproj.viewport.photoCamera") is None
+    shown.emulate_media(reduced_motion="reduce")
 
 
-def test_the_parts_of_a_weight_can_be_chosen(page):
+def test_the_parts_of_a_weight_can_be_chosen(shown):
     """Another factor of the weight is fetched and shown; the hint tells what it is."""
-    page.locator('[data-layer="weights"]').click()
-    until(page, "texproj.look.layer === 'weights'")
-    settle(page)
-    whole = picture(page)
-    page.get_by_label("Factor").select_option("angle")
-    page.get_by_text("Turned towards the camera").wait_for()
+    shown.locator('[data-layer="weights"]').click()
+    until(shown, "texproj.look.layer === 'weights'")
+    settle(shown)
+    whole = picture(shown)
+    shown.get_by_label("Factor").select_option("angle")
+    shown.get_by_text("Turned towards the camera").wait_for()
     end = time.monotonic() + 60
-    while np.abs(whole.astype(int) - picture(page)).mean() < 0.5:
+    while np.abs(whole.astype(int) - picture(shown)).mean() < 0.5:
         assert time.monotonic() < end, "the picture stays as it was"
-        page.wait_for_timeout(200)
+        shown.wait_for_timeout(200)
 
-    assert page.get_by_label("Factor").input_value() == "angle"
+    assert shown.get_by_label("Factor").input_value() == "angle"
 
 
-def test_layers_are_computed_and_shown(page):
+def test_layers_are_computed_and_shown(shown):
     """Coverage takes a job of the server; the legend says how many photos."""
-    page.locator('[data-layer="coverage"]').click()
-    until(page, "texproj.look.layer === 'coverage'")
-    settle(page)
+    shown.locator('[data-layer="coverage"]').click()
+    until(shown, "texproj.look.layer === 'coverage'")
+    settle(shown)
 
-    assert "4 photos" in page.locator("#legend").inner_text()
-    assert picture(page).std() > 20
+    assert "4 photos" in shown.locator("#legend").inner_text()
+    assert picture(shown).std() > 20
 
 
 # --- picking
@@ -364,57 +387,64 @@ def test_a_phone_shows_everything(browser, root):
 # --- making the model
 
 
-def stage(*steps, last="The model is made from 4 of 5 photos."):
-    """Work of the page that only tells how far it is, as slowly as a person can follow."""
+def stage(*steps):
+    """Work of the page that only tells how far it is: each step until somebody has seen it, for a
+    minute at most; and what says that it was seen.
+    """
+    seen = threading.Semaphore(0)
 
     def work_on(_, progress):
         for step in steps:
-            for _ in range(4):
+            for _ in range(400):
                 progress(*step)
-                time.sleep(0.15)
-        return last
+                if seen.acquire(timeout=0.15):
+                    break
+        return "The model is made from 4 of 5 photos."
 
-    return work_on
+    return work_on, seen
 
 
 @pytest.fixture
 def made(monkeypatch):
-    """A run of three steps."""
-    steps = [("register", 2, 5, "a.png"), ("refine", 0, 1, ""), ("color", 5, 10, "")]
-    run = stage(*steps)
+    """A run of three steps, each of which waits to be seen."""
+    run, seen = stage(("register", 2, 5, "a.png"), ("refine", 0, 1, ""), ("color", 5, 10, ""))
     monkeypatch.setattr(work, "STAGES", {**work.STAGES, "run": ("Make the model", run)})
+    yield seen
+    seen.release(3)
 
 
-def test_one_button_makes_the_model(made, page):
+def test_one_button_makes_the_model(made, shown):
     """It says what is going on and cannot be pressed twice; words and tab tell how far it is; the
     end is told, with what is missing.
     """
-    button = page.locator("#do-run")
+    button = shown.locator("#do-run")
     button.click()
-    until(page, "document.querySelector('#do-run').disabled")
+    until(shown, "document.querySelector('#do-run').disabled")
     assert "Making the model" in button.inner_text()
-    assert page.locator("#do-color").is_disabled()
-    until(page, "document.querySelector('#job-title').textContent.includes('photo 3 of 5')")
-    assert page.title().startswith("\u2026 40 %")
-    until(page, "document.querySelector('#job-title').textContent.includes('refining')")
-    until(page, "!document.querySelector('#do-run').disabled")
-    page.get_by_text("The model is made from 4 of 5 photos.").wait_for()
+    assert shown.locator("#do-color").is_disabled()
+    until(shown, "document.querySelector('#job-title').textContent.includes('photo 3 of 5')")
+    assert shown.title().startswith("\u2026 40 %")
+    made.release()
+    until(shown, "document.querySelector('#job-title').textContent.includes('refining')")
+    made.release(2)
+    until(shown, "!document.querySelector('#do-run').disabled")
+    shown.get_by_text("The model is made from 4 of 5 photos.").wait_for()
 
     assert button.inner_text() == "Make the model"
-    assert page.locator("#job").is_hidden()
+    assert shown.locator("#job").is_hidden()
 
 
-def test_stop_stops(monkeypatch, page):
+def test_stop_stops(monkeypatch, shown):
     """The button says so at once; what comes is told as stopped, not as failed."""
-    endless = stage(*[("register", 2, 5, "a.png")] * 10_000)
+    endless, _ = stage(("register", 2, 5, "a.png"))
     monkeypatch.setattr(work, "STAGES", {**work.STAGES, "run": ("Make the model", endless)})
-    page.locator("#do-run").click()
-    until(page, "!document.querySelector('#job').hidden")
-    page.locator("#job-cancel").click()
-    page.get_by_text("Stopped; what was finished before is kept.").wait_for()
+    shown.locator("#do-run").click()
+    until(shown, "!document.querySelector('#job').hidden")
+    shown.locator("#job-cancel").click()
+    shown.get_by_text("Stopped; what was finished before is kept.").wait_for()
 
-    assert page.locator("#do-run").is_enabled()
-    assert page.locator("#notice").get_attribute("data-kind") == "warn"
+    assert shown.locator("#do-run").is_enabled()
+    assert shown.locator("#notice").get_attribute("data-kind") == "warn"
 
 
 @pytest.fixture
@@ -451,32 +481,37 @@ def test_the_model_can_be_stood_on_any_side(empty, browser):
     assert empty.locator('[data-up="-y"]').get_attribute("aria-checked") == "true"
 
 
-def test_a_late_layer_does_not_steal_the_view(page):
+def test_a_late_layer_does_not_steal_the_view(shown):
     """Whoever chose another one meanwhile keeps it."""
-    page.route("**/api/layers/coverage", lambda route: (time.sleep(1.5), route.continue_()))
-    page.locator('[data-layer="coverage"]').click()
-    page.locator('[data-layer="normals"]').click()
-    page.wait_for_timeout(2500)
-    page.unroute_all(behavior="wait")
-    page.wait_for_timeout(1000)
+    held = []
+    shown.route("**/api/layers/source", lambda route: held.append(route))  # noqa: PLW0108 - Playwright marks it
+    shown.locator('[data-layer="source"]').click()
+    shown.locator('[data-layer="normals"]').click()
+    until(shown, "texproj.look.layer === 'normals'")
+    with shown.expect_response("**/api/layers/source") as late:
+        held[0].continue_()
+    assert late.value.ok
+    late.value.finished()
+    shown.unroute_all(behavior="wait")
+    shown.wait_for_timeout(300)
 
-    assert page.evaluate("texproj.look.layer") == "normals"
-    assert page.locator('[data-layer="normals"]').get_attribute("aria-checked") == "true"
+    assert shown.evaluate("texproj.look.layer") == "normals"
+    assert shown.locator('[data-layer="normals"]').get_attribute("aria-checked") == "true"
 
 
-def test_the_wipe_s_handle_stays_inside_and_picking_leaves_no_trace(page):
+def test_the_wipe_s_handle_stays_inside_and_picking_leaves_no_trace(shown):
     """At both ends the handle can be taken hold of; after picking, the photo's view is opaque."""
-    enter(page, "0000.png")
-    pane = page.locator("#model-pane").bounding_box()
+    enter(shown, "0000.png")
+    pane = shown.locator("#model-pane").bounding_box()
     for wipe in (0, 1):
-        page.evaluate(f"texproj.change({{ wipe: {wipe} }})")
-        handle = page.locator("#wipe").bounding_box()
+        shown.evaluate(f"texproj.change({{ wipe: {wipe} }})")
+        handle = shown.locator("#wipe").bounding_box()
         assert handle["x"] >= pane["x"]
         assert handle["x"] + handle["width"] <= pane["x"] + pane["width"]
-    pick_page(page, "0000.png")
-    assert page.evaluate("texproj.look.opacity") == 0
-    page.locator("#leave-pick").click()
-    assert page.evaluate("texproj.look.opacity") == 1
+    pick_page(shown, "0000.png")
+    assert shown.evaluate("texproj.look.opacity") == 0
+    shown.locator("#leave-pick").click()
+    assert shown.evaluate("texproj.look.opacity") == 1
 
 
 FROM_BEHIND = """(() => {

@@ -13,7 +13,7 @@ from pathlib import Path
 import httpx
 import numpy as np
 import pytest
-from preview_project import BROKEN, cameras, corner_points, make_project, running
+from preview_project import BROKEN, cameras, corner_points, running
 
 from texproj.files import file_hash
 from texproj.formats.models import write_ply
@@ -33,21 +33,20 @@ CHECKOUT = Path(__file__).resolve().parent.parent
 
 
 @pytest.fixture(scope="module")
-def root(tmp_path_factory):
+def root(server_template, tmp_path_factory):
     """One project for all tests that do not write."""
-    folder = tmp_path_factory.mktemp("project") / "blocks"
-    make_project(folder)
-    return folder
+    return shutil.copytree(server_template, tmp_path_factory.mktemp("project") / "blocks")
 
 
-@pytest.fixture(autouse=True)
-def bundle(tmp_path, monkeypatch):
+@pytest.fixture(scope="module", autouse=True)
+def bundle(tmp_path_factory):
     """A stand-in for the built page: these tests are about the server."""
-    folder = tmp_path / "bundle"
-    folder.mkdir()
+    folder = tmp_path_factory.mktemp("bundle")
     for name in app_module.BUNDLE:
         (folder / name).write_text(f"<!-- {name} -->")
-    monkeypatch.setattr(app_module, "bundle_folder", lambda: folder)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(app_module, "bundle_folder", lambda: folder)
+        yield
 
 
 @contextmanager
@@ -62,16 +61,17 @@ def own_name(page, name="127.0.0.1"):
     return f"{name}:{page.base_url.port}"
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def page(root):
+    """One server for all tests that do not write."""
     with client(root) as found:
         yield found
 
 
 @pytest.fixture
-def own(tmp_path):
+def own(server_template, tmp_path):
     """A project to write in, and its client."""
-    make_project(tmp_path / "own")
+    shutil.copytree(server_template, tmp_path / "own")
     with client(tmp_path / "own") as found:
         yield tmp_path / "own", found
 

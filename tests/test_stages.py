@@ -15,7 +15,7 @@ from texproj.stages.bench import Workbench
 from texproj.stages.running import run_project
 
 SMALL = DemoOptions(
-    object="stele", photos=6, starts=True, paint=1, long_side=720, faces=8000, carved_faces=80_000
+    object="stele", photos=4, starts=True, paint=1, long_side=420, faces=8000, carved_faces=40_000
 )
 
 
@@ -52,7 +52,7 @@ def errors_percent(project: Project) -> dict[str, float]:
 def finished(tmp_path_factory):
     """Picks in half of the photos, rough cameras for the others, all around."""
     folder = tmp_path_factory.mktemp("stages") / "stele"
-    write_demo(folder, replace(SMALL, long_side=840, faces=60_000))
+    write_demo(folder, replace(SMALL, photos=6, long_side=840, faces=60_000, carved_faces=80_000))
     project = Project.open(folder)
     with Workbench(project) as bench:
         outcome = run_project(bench)
@@ -122,10 +122,7 @@ def test_survey_coordinates_change_nothing(tmp_path):
     """The same piece half a million metres away: same colors, cameras moved along."""
     made = {}
     for name, origin in (("here", (0.0, 0.0, 0.0)), ("there", (512_000.0, 4_100_000.0, 250.0))):
-        write_demo(
-            tmp_path / name,
-            replace(SMALL, photos=4, long_side=560, carved_faces=40_000, origin=origin),
-        )
+        write_demo(tmp_path / name, replace(SMALL, origin=origin))
         alone = RefineOptions(enabled=False)
         project = without_rough_cameras(tmp_path / name, refine=alone)
         with Workbench(project) as bench:

@@ -289,11 +289,11 @@ def _max_radius(dist: tuple[float, ...], is_fisheye: bool) -> float:
     for terms in (num, den):  # else the roots of what moves nothing overflow
         terms[:3][np.abs(terms[:3]) < NEGLIGIBLE_RADIAL] = 0
     # d/dr [r num/den] = 0, with s = r^2: (num + 2 s num') den - 2 s num den' = 0
-    s = np.array([2.0, 0.0])
-    slope: Array = np.polysub(
-        np.polymul(np.polyadd(num, np.polymul(s, np.polyder(num))), den),
-        np.polymul(np.polymul(s, num), np.polyder(den)),
-    )
+    slope: Array = num + num * (6, 4, 2, 0)  # num + 2 s num'
+    if den[:3].any():  # a solve asks this of each lens that it tries, and most have no such term
+        slope = np.polysub(
+            np.polymul(slope, den), np.polymul(np.polymul((2.0, 0.0), num), np.polyder(den))
+        )
     roots = np.concatenate([np.roots(slope), np.roots(den)])
     limits = [r.real for r in roots if abs(r.imag) < 1e-12 and r.real > 0]
     return float(np.sqrt(min(limits))) if limits else float("inf")

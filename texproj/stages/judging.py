@@ -16,6 +16,7 @@ from texproj.photo import Photo
 from texproj.records import CHOSEN, CameraRecord
 from texproj.register.block.scan_samples import ScanSamples
 from texproj.register.block.slides import WORKING_PX, Slide, slides, untold
+from texproj.register.joint.lone import REMEDY
 from texproj.register.proof.camps import Ruling
 from texproj.register.proof.judge import Looks, LooksHere, judge
 from texproj.render import GBuffer
@@ -159,7 +160,7 @@ def _judgement(record: CameraRecord, ruling: Ruling, names: Sequence[str]) -> Ju
         refusal = (
             f"{against} see the same surface and show something else there (at best "
             f"{ruling.share:.0%} of the patches agree with a photo, chance gives "
-            f"{ruling.chance:.0%}); check its picks or its start"
+            f"{ruling.chance:.0%}); {REMEDY}"
         )
         return Judgement(proof, refusal)
     if ruling.torn and record.method != "points":

@@ -29,6 +29,7 @@ WIDE_THRESHOLD_PX = 2.0
 """Distance, pixels of the wide search, up to which a tie agrees with a camera."""
 LEAST_SHARE = 0.3
 """Of the ties of the wide search that must agree on the camera: chance gives a tenth."""
+REMEDY = "pick 8 points in it, or check its picks or its start where it has them"
 
 
 def best_support(found: Mapping[Pair, TieSearch]) -> dict[int, float]:
@@ -60,7 +61,7 @@ def unconfirmed(found: Mapping[Pair, TieSearch], fixed: Bools) -> list[tuple[int
         (
             k,
             "no other photo shows the same surface where this camera sees it (at best "
-            f"{best[k]:.0%} of the patches agree); check its picks or its start",
+            f"{best[k]:.0%} of the patches agree); {REMEDY}",
         )
         for k in sorted(suspects, key=lambda k: best[k])
     ]
@@ -91,7 +92,7 @@ def contradicted(ties: Ties, apart_px: Doubles, fixed: Bools) -> list[tuple[int,
         (
             k,
             f"what it shares with one photo contradicts what it shares with another, by "
-            f"{median[k] / usual:.0f} times as much as usual; check its picks or its start",
+            f"{median[k] / usual:.0f} times as much as usual; {REMEDY}",
         )
         for k in sorted(bad, key=lambda k: -median[k])
     ]

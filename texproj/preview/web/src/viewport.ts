@@ -65,7 +65,7 @@ export class Viewport {
 
   /** Whether it moves, or did a moment ago. */
   get moving(): boolean {
-    return performance.now() - this.movedAt < SETTLE_MS || this.quality !== FINE || this.dirty;
+    return performance.now() - this.movedAt < SETTLE_MS || this.dirty;
   }
 
   get size(): Vec2 {
