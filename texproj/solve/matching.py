@@ -16,8 +16,8 @@ from texproj.arrays import Bools, Doubles, Index
 from texproj.solve.orientation import Field
 
 BATCH_BYTES = 1 << 19
-"""Spectra worked on at once: they stay in the processor's cache, which halves the time of patches
-of 41 pixels against 64 of them at once."""
+"""Spectra worked on at once, so that they stay in the processor's cache: alone that saves a third
+of the time of patches of 41 pixels against 64 at once, within a registration a tenth."""
 
 
 @dataclass(frozen=True, eq=False)
