@@ -347,8 +347,8 @@ def raked_light_shows_more_relief(folder, capsys):
 
 
 def texels_are_vertices(model, vertex):
-    """The texture says the same of the vertices as the ply, which is coarser and does not fade
-    beside what is unseen.
+    """The texture says the same of the surface as the ply, which is coarser and does not fade
+    beside what is unseen: compared on the mean of neighbors, since texels show finer paint.
     """
     page = linear_from_srgb(np.asarray(model.pages[0])[..., :3] / 255.0)
     size = np.array(page.shape[1::-1])
@@ -361,7 +361,8 @@ def texels_are_vertices(model, vertex):
     seen = vertex["confidence"][place] > 0
     texels, vertices = found[seen] @ LUMINANCE, base[place][seen] @ LUMINANCE
     assert np.median(texels / vertices) == pytest.approx(1, abs=0.05)
-    assert np.corrcoef(texels, vertices)[0, 1] > 0.78
+    near = cKDTree(model.vertices[seen]).query(model.vertices[seen], 8)[1]
+    assert np.corrcoef(texels[near].mean(axis=1), vertices[near].mean(axis=1))[0, 1] > 0.78
 
 
 def test_a_chart_that_is_not_there_is_named(project_folder, capsys):
