@@ -6,7 +6,14 @@ import unicodedata
 import pytest
 
 from texproj.errors import InputError
-from texproj.intake import find_masks, find_photos, find_picks, one_of, unusable_name
+from texproj.intake import (
+    find_masks,
+    find_photos,
+    find_picks,
+    folders_of_photos,
+    one_of,
+    unusable_name,
+)
 from texproj.project import Project
 
 PHOTOS = ("IMG_1.JPG", "café.jpg", "b.png")
@@ -140,3 +147,23 @@ def test_photos_in_a_folder_inside_are_told(tmp_path):
     put(tmp_path / "photos/100CANON", "b.jpg")
     (note,) = Project.open(tmp_path).notes
     assert "photos in" in note and "100CANON are not used; move them to" in note
+
+
+def test_a_folder_that_cannot_be_read_is_told(tmp_path, monkeypatch):
+    """Of masks that is an end, in a word; beside photos, as a disk's lost+found, it is a note."""
+    (tmp_path / "photos/lost+found").mkdir(parents=True)
+    put(tmp_path / "photos", "a.jpg")
+    (tmp_path / "masks").mkdir()
+    within = type(tmp_path).iterdir
+
+    def guarded(folder):
+        if folder.name in ("lost+found", "masks"):
+            raise PermissionError(13, "Permission denied")
+        return within(folder)
+
+    monkeypatch.setattr(type(tmp_path), "iterdir", guarded)
+    with pytest.raises(InputError, match="masks cannot be read: Permission denied"):
+        find_masks(tmp_path / "masks", PHOTOS)
+    assert find_photos(tmp_path / "photos", (".jpg",)).paths
+    (note,) = folders_of_photos(tmp_path / "photos", (".jpg",)).values()
+    assert "lost+found cannot be read" in note.notes[0]

@@ -78,10 +78,16 @@ def find_photos(folder: Path, suffixes: Sequence[str]) -> Found:
 
 
 def folders_of_photos(folder: Path, suffixes: Sequence[str]) -> dict[Path, Found]:
-    """What `find_photos` finds in the folders of a folder, where it finds any."""
-    inside = folder.iterdir() if folder.is_dir() else ()
-    below = sorted(place for place in inside if place.is_dir() and not place.name.startswith("."))
-    found = {place: find_photos(place, suffixes) for place in below}
+    """What `find_photos` finds in the folders of a folder, where it finds any; why one cannot be
+    read is a note.
+    """
+    below = [place for place in _entries(folder) if place.is_dir()] if folder.is_dir() else []
+    found = {}
+    for place in below:
+        try:
+            found[place] = find_photos(place, suffixes)
+        except InputError as error:
+            found[place] = Found({}, (str(error),))
     return {place: photos for place, photos in found.items() if photos.paths or photos.notes}
 
 
@@ -203,7 +209,8 @@ def _owner(stem: str, owners: Mapping[str, str], endings: Sequence[str]) -> str 
 
 def _visible(folder: Path) -> tuple[list[Path], list[str]]:
     """The files of a folder that the system does not hide, in the order of their names, and a
-    sentence for each link to a file that is gone. Raises InputError where the folder is none.
+    sentence for each link to a file that is gone. Raises InputError where the folder is none or
+    cannot be read.
     """
     if why := points_nowhere(folder):
         raise InputError(f"{shown(folder)}: {why}")
@@ -212,11 +219,19 @@ def _visible(folder: Path) -> tuple[list[Path], list[str]]:
     if not folder.is_dir():
         return [], []
     hidden = ("thumbs.db", "desktop.ini")
-    found = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
+    found = _entries(folder)
     gone = [
         f"{shown(path)} is passed over: {why}" for path in found if (why := points_nowhere(path))
     ]
     return [path for path in found if path.name.lower() not in hidden and path.is_file()], gone
+
+
+def _entries(folder: Path) -> list[Path]:
+    """What is in a folder and not hidden by its name, sorted. Raises InputError."""
+    try:
+        return sorted(path for path in folder.iterdir() if not path.name.startswith("."))
+    except OSError as error:
+        raise InputError(f"{shown(folder)} cannot be read: {error.strerror}") from None
 
 
 def points_nowhere(path: Path) -> str:

@@ -166,7 +166,7 @@ def _judgement(record: CameraRecord, ruling: Ruling, names: Sequence[str]) -> Ju
     if ruling.torn and record.method != "points":
         refusal = (
             f"it and {against} show different things where they see the same surface, and which"
-            " is wrong cannot be told; check the picks or starts of both"
+            " is wrong cannot be told; pick 8 points in both, or check their picks or starts"
         )
         return Judgement(proof, refusal)
     if ruling.against and not ruling.agree:
